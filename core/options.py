@@ -1,0 +1,127 @@
+"""Every choice a user can make, once: name, type, default, range, unit and a sentence of help.
+
+The Python API takes these dataclasses; the command line, the Blender properties and the table in the
+documentation are made from their fields (see :func:`describe`), so that a new option is written here only.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from typing import Any
+
+ORDERINGS = ("random", "max_energy")
+DISTANCES = ("barycenter",)
+
+
+class OptionError(ValueError):
+    """An option has a value that it cannot have; the message names the option and what it takes."""
+
+
+@dataclass(frozen=True)
+class OptionInfo:
+    """What a door (command line, panel, documentation) needs to know of one option.
+
+    ``kind`` is ``"choice"``, ``"int"``, ``"float"``, ``"bool"``, ``"size"`` (bytes) or ``"path"``.
+    """
+
+    name: str
+    kind: str
+    default: Any
+    help: str
+    unit: str = ""
+    choices: tuple[str, ...] = ()
+    minimum: float | None = None
+    maximum: float | None = None
+    flag: str = ""
+
+
+def _option(default: Any, kind: str, help: str, **details: Any) -> Any:
+    return field(default=default, metadata={"kind": kind, "help": help, **details})
+
+
+def _choice(default: str, choices: tuple[str, ...], help: str, **details: Any) -> Any:
+    return _option(default, "choice", help, choices=choices, **details)
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a scene is solved. Raises :class:`OptionError` when a value is out of its range."""
+
+    quality: str = _choice("good", ("draft", "good", "fine"), "Target error of the light: draft 10 %, good 3 %, fine 1 %")
+    order: int = _option(2, "int", "Order of the multi-wavelet basis: 1 constant, 2 linear, 3 quadratic", minimum=1, maximum=3)
+    average: int = _option(50, "int", "Average number of polygons in a cluster", minimum=1, maximum=100_000)
+    distance: str = _choice("barycenter", DISTANCES, "Distance between a polygon and the barycenter of a cluster")
+    large_polygon: float = _option(
+        1.0, "float", "A polygon whose smaller edge is longer than this is a cluster of its own", unit="m", minimum=0.0, maximum=1e6
+    )
+    emitters: str = _choice("clusters", ("clusters", "cells"), "Unit of shooting: a cluster, or a cell (a whole room)")
+    ordering: str = _choice("max_energy", ORDERINGS, "How the next emitter is chosen")
+    min_element_size: float = _option(
+        0.0, "float", "Surface elements are never split below this edge length; 0 lets the quality choose", unit="m", minimum=0.0, maximum=1e6
+    )
+    max_iterations: int = _option(100, "int", "Most iterations of shooting, each visiting every emitter once", minimum=1, maximum=100_000)
+    memory: int = _option(0, "size", "Memory budget for light exchanges kept between iterations, the rest goes to disk; 0: no limit", unit="bytes", minimum=0)
+    store: str = _option("", "path", "Folder that receives the result of every stage")
+    threads: int = _option(0, "int", "Worker threads; 0 uses every core", minimum=0, maximum=1024)
+    seed: int = _option(0, "int", "Seed of every random choice", minimum=0, maximum=2**31 - 1)
+
+    def __post_init__(self) -> None:
+        validate(self)
+
+
+@dataclass(frozen=True)
+class BakeOptions:
+    """Where the light goes in Blender, and in which unit. Raises :class:`OptionError` when a value is out of its range."""
+
+    target: str = _choice("vertex", ("vertex", "texture"), "Write vertex colours or lightmap textures")
+    domain: str = _choice("corner", ("corner", "point"), "Vertex colours per face corner (sharp at hard edges) or per vertex")
+    quantity: str = _choice(
+        "radiosity",
+        ("radiosity", "lighting", "lux"),
+        "What is stored: radiosity B/pi (the look of the lit surface), lighting only E/pi, or illuminance in lux",
+    )
+    name: str = _option("Enfilade", "name", "Name of the colour attribute, the lightmap UV map and the images")
+    texel_density: float = _option(32.0, "float", "Texels per metre of surface", unit="1/m", minimum=0.1, maximum=4096.0)
+    max_resolution: int = _option(2048, "int", "Largest width and height of one texture", unit="px", minimum=16, maximum=16384)
+    margin: int = _option(4, "int", "Texels of margin around every chart", unit="px", minimum=1, maximum=64)
+    atlas: str = _choice("object", ("object", "room"), "One texture per object, or one shared by all objects of a room")
+    image_format: str = _choice("exr", ("exr", "png"), "File format of textures: EXR keeps the full range, PNG is 16 bit display colour")
+    image_folder: str = _option("", "path", "Folder for texture files; empty: packed into the .blend file")
+    material: bool = _option(False, "bool", "Add a node set-up to the materials that shows the bake")
+    subdivide: float = _option(
+        0.0, "float", "Largest edge of a face in a subdivided copy of each mesh that carries the bake; 0: meshes stay as they are", unit="m", minimum=0.0, maximum=1e3
+    )
+
+    def __post_init__(self) -> None:
+        validate(self)
+
+
+def describe(cls: type) -> tuple[OptionInfo, ...]:
+    """All options of ``Options`` or ``BakeOptions`` in their order, with everything that a door shows."""
+    return tuple(
+        OptionInfo(name=f.name, default=f.default, flag="--" + f.name.replace("_", "-"), **f.metadata) for f in dataclasses.fields(cls)
+    )
+
+
+def validate(options: Options | BakeOptions) -> None:
+    """Check every field against its range; raise :class:`OptionError` that names the option and its range."""
+    for info in describe(type(options)):
+        value = getattr(options, info.name)
+        if info.kind == "choice":
+            if value not in info.choices:
+                raise OptionError(f"option {info.name}: {value!r} is not one of {', '.join(info.choices)}")
+        elif info.kind == "bool":
+            if not isinstance(value, bool):
+                raise OptionError(f"option {info.name}: {value!r} is neither True nor False")
+        elif info.kind in ("path", "name"):
+            if not isinstance(value, str) or (info.kind == "name" and not value):
+                raise OptionError(f"option {info.name}: {value!r} is not a text")
+        else:
+            whole = info.kind in ("int", "size")
+            if isinstance(value, bool) or not isinstance(value, int if whole else (int, float)) or value != value:
+                raise OptionError(f"option {info.name}: {value!r} is not a {'whole ' if whole else ''}number")
+            low, high = info.minimum, info.maximum
+            if (low is not None and value < low) or (high is not None and value > high):
+                limits = f"at least {low}" if high is None else f"between {low} and {high}"
+                raise OptionError(f"option {info.name}: {value} must be {limits} {info.unit}".rstrip())
