@@ -1,0 +1,292 @@
+"""The forest of surface elements: one tree of rectangles per region, refined as light demands, as a structure of arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from . import basis
+from .grouping import GrowingArray, ragged
+from .polygons import areas_and_centroids, clip_to_boxes
+from .regions import Regions
+
+SQUARISH = 1.5
+"""A cell longer than this many times its width is halved across its length, any other is quartered."""
+
+
+class Forest:
+    """Quadtrees on the rectangles of regions; element ids only ever grow, children come after their parents.
+
+    order : order of the basis, m = order**2 coefficients;  q**2 nodes per element, q = ``basis.nodes_per_axis(order)``.
+    Elements that a region covers in part know the covered area, have their nodes inside it, and fit their
+    coefficients to those nodes; elements outside the cover do not exist.
+    """
+
+    def __init__(self, regions: Regions, order: int):
+        self.regions, self.order = regions, order
+        q = basis.nodes_per_axis(order)
+        self.functions, self.node_count = order * order, q * q
+        self._uv, self._weights = basis.gauss_square(q)
+        self._region = GrowingArray((), np.int32)
+        self._slot = GrowingArray((), np.int8)
+        self._level = GrowingArray((), np.int16)
+        self._parent = GrowingArray((), np.int32)
+        self._children = GrowingArray((4,), np.int32)
+        self._box = GrowingArray((4,), np.float64)
+        self._cover = GrowingArray((4,), np.float64)
+        self._area = GrowingArray((), np.float64)
+        self._pieces = GrowingArray((2,), np.int64)
+        self._piece_ids = GrowingArray((), np.int64)
+        self._matrix = GrowingArray((), np.int32)
+        self._nodes = GrowingArray((self.node_count, 3), np.float32)
+        self._node_weights = GrowingArray((self.node_count,), np.float32)
+        self._pull_row = GrowingArray((), np.int32)
+        self._pull_child = GrowingArray((self.node_count,), np.int32)
+        self._pull_basis = GrowingArray((self.node_count, self.functions), np.float64)
+        self._evaluate = GrowingArray((self.node_count, self.functions), np.float64)
+        self._project = GrowingArray((self.functions, self.node_count), np.float64)
+        self._mean = GrowingArray((self.functions,), np.float64)
+        full = basis.evaluate(order, self._uv)[None]
+        self._evaluate.extend(full)
+        self._project.extend(basis.fit(full, self._weights[None]) if order == 1 else np.linalg.inv(full))
+        self._mean.extend(np.eye(self.functions)[:1])
+        count = len(regions)
+        start, pieces = regions.piece_start[:-1], np.diff(regions.piece_start)
+        box = np.concatenate([np.zeros((count, 2)), regions.size], axis=1)
+        made = self._append(np.arange(count), np.full(count, -1), np.zeros(count, np.int8), box, regions.full, start, pieces, np.arange(len(regions.piece_origin)))
+        if not np.array_equal(made, np.arange(count)):
+            raise ValueError("every region must have an area: its root element is its first")
+
+    def __len__(self) -> int:
+        return len(self._region)
+
+    region = property(lambda self: self._region.view(), doc="(E,) int32 region")
+    slot = property(lambda self: self._slot.view(), doc="(E,) int8 place in the parent, a row of ``basis.SLOTS``")
+    level = property(lambda self: self._level.view(), doc="(E,) int16, 0 for roots")
+    parent = property(lambda self: self._parent.view(), doc="(E,) int32, -1 for roots")
+    children = property(lambda self: self._children.view(), doc="(E, 4) int32, -1 where there is none")
+    box = property(lambda self: self._box.view(), doc="(E, 4) float64: u, v, width, height in the region's frame, m")
+    cover = property(lambda self: self._cover.view(), doc="(E, 4) float64: the box of the covered part")
+    area = property(lambda self: self._area.view(), doc="(E,) float64 covered area, m2")
+    nodes = property(lambda self: self._nodes.view(), doc="(E, q*q, 3) float32 relative to the scene's centre, m")
+    node_weights = property(lambda self: self._node_weights.view(), doc="(E, q*q) float32, sum = area")
+
+    @property
+    def leaf(self) -> np.ndarray:
+        """(E,) bool."""
+        return (self.children < 0).all(1)
+
+    def can_split(self, elements: np.ndarray, min_size: float) -> np.ndarray:
+        """(n,) bool: leaves whose children would have a longer edge of at least ``min_size`` (m), or that are split already."""
+        return (self.box[elements, 2:].max(1) >= 2 * min_size) | (self.children[elements] >= 0).any(1)
+
+    def spheres(self, elements: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Centre (n, 3) and radius (n,) of a ball around the covered part of elements, float32."""
+        cover, region = self.cover[elements], self.region[elements]
+        centre = self.regions.world(region, cover[:, :2] + 0.5 * cover[:, 2:])
+        return centre.astype(np.float32), (0.5 * np.hypot(cover[:, 2], cover[:, 3])).astype(np.float32)
+
+    def half_extents(self, elements: np.ndarray) -> np.ndarray:
+        """(n, 3) float32 half sides of the axis-aligned box around the covered part of elements."""
+        half, region = 0.5 * self.cover[elements, 2:], self.region[elements]
+        return (np.abs(self.regions.u[region]) * half[:, :1] + np.abs(self.regions.v[region]) * half[:, 1:]).astype(np.float32)
+
+    def split(self, elements: np.ndarray) -> None:
+        """Give children to those of ``elements`` (n,) that have none."""
+        elements = np.unique(elements)
+        parents = elements[(self.children[elements] < 0).all(1)]
+        if not len(parents):
+            return
+        width, height = self.box[parents, 2], self.box[parents, 3]
+        first = np.where(width > SQUARISH * height, 4, np.where(height > SQUARISH * width, 6, 0))
+        slot, owner = ragged(first, np.where(first == 0, 4, 2))
+        parent = parents[owner]
+        place = basis.SLOTS[slot]
+        box = np.empty((len(slot), 4))
+        box[:, :2] = self.box[parent, :2] + place[:, :2] * self.box[parent, 2:]
+        box[:, 2:] = place[:, 2:] * self.box[parent, 2:]
+        full = self._matrix.view()[parent] == 0
+        start, count = self._pieces.view()[parent].T
+        made = self._append(self.region[parent], parent, slot.astype(np.int8), box, full, start, count, self._piece_ids.view())
+        exists = made >= 0
+        children = self._children.view()
+        children[parent[exists], slot[exists] - first[owner[exists]]] = made[exists]
+        self._prepare_pull(parents[self._matrix.view()[parents] > 0])
+
+    def _append(self, region, parent, slot, box, full, piece_start, piece_count, piece_table):
+        """Add elements; those that cover nothing are left out. Returns the id of each, -1 where left out."""
+        count, q = len(region), basis.nodes_per_axis(self.order)
+        area, cover = box[:, 2] * box[:, 3], box.copy()
+        uv = box[:, None, :2] + self._uv[None] * box[:, None, 2:]
+        weights = area[:, None] * self._weights[None]
+        matrix = np.zeros(count, np.int32)
+        keep = np.ones(count, bool)
+        pieces = np.zeros((count, 2), np.int64)
+        partial = np.flatnonzero(~full)
+        if len(partial):
+            members, row = ragged(piece_start[partial], piece_count[partial])
+            ids = piece_table[members]
+            sub_area, sub_moment, low, high, touched = self._measure(box[partial], row, ids, q)
+            total = sub_area.sum(1)
+            cell = area[partial]
+            keep[partial] = total > 1e-7 * cell
+            cut = keep[partial] & (total < (1 - 1e-6) * cell)
+            inside = np.flatnonzero(cut)
+            here = partial[inside]
+            area[partial] = np.where(cut, total, cell)
+            weights[here] = sub_area[inside]
+            mean = sub_moment[inside].sum(1) / total[inside, None]
+            empty = sub_area[inside] <= 1e-9 * total[inside, None]
+            uv[here] = np.where(empty[..., None], mean[:, None], sub_moment[inside] / np.where(empty, 1.0, sub_area[inside])[..., None])
+            weights[here] = np.where(empty, 0.0, weights[here])
+            cover[here] = np.concatenate([low[inside], high[inside] - low[inside]], axis=1)
+            local = (uv[here] - box[here, None, :2]) / box[here, None, 2:]
+            values = basis.evaluate(self.order, local)
+            matrix[here] = len(self._evaluate) + np.arange(len(here))
+            self._evaluate.extend(values)
+            self._project.extend(basis.fit(values, weights[here]))
+            self._mean.extend(np.einsum("nq,nqm->nm", weights[here], values) / weights[here].sum(1, keepdims=True))
+            used = touched & cut[row]
+            pieces[here, 0] = len(self._piece_ids) + np.searchsorted(row[used], inside)
+            pieces[here, 1] = np.bincount(row[used], minlength=len(partial))[inside]
+            self._piece_ids.extend(ids[used])
+        ids = np.where(keep, len(self) + np.cumsum(keep) - 1, -1)
+        flat_region = np.repeat(region[keep], self.node_count)
+        nodes = self.regions.world(flat_region, uv[keep].reshape(-1, 2)).reshape(-1, self.node_count, 3)
+        made = int(keep.sum())
+        level = np.where(parent < 0, 0, self.level[parent] + 1) if len(self) else np.zeros(count)
+        self._region.extend(region[keep])
+        self._slot.extend(slot[keep])
+        self._level.extend(level[keep])
+        self._parent.extend(parent[keep])
+        self._children.extend(np.full((made, 4), -1))
+        self._box.extend(box[keep])
+        self._cover.extend(cover[keep])
+        self._area.extend(area[keep])
+        self._pieces.extend(pieces[keep])
+        self._matrix.extend(matrix[keep])
+        self._nodes.extend(nodes)
+        self._node_weights.extend(weights[keep])
+        self._pull_row.extend(np.full(made, -1))
+        return ids
+
+    def _measure(self, box, row, ids, q):
+        """Cover of cells by pieces: area and moment of each of the q*q parts of each cell, and the cover's box."""
+        n = len(box)
+        r = self.regions
+        a, b, triangle = r.piece_a[ids], r.piece_b[ids], r.piece_triangle[ids, None]
+        p = r.piece_origin[ids]
+        far = np.where(triangle, p + b, p + a + b)
+        corners = np.stack([p, p + a, far, p + b], axis=1)
+        flip = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) < 0
+        corners[flip] = corners[flip, ::-1]
+        whole = clip_to_boxes(corners, box[row, :2], box[row, :2] + box[row, 2:])
+        size = areas_and_centroids(whole)[0]
+        touched = size > 1e-9 * box[row, 2] * box[row, 3]
+        low, high = np.full((n, 2), np.inf), np.full((n, 2), -np.inf)
+        np.minimum.at(low, row[touched], whole[touched].min(1))
+        np.maximum.at(high, row[touched], whole[touched].max(1))
+        sub_area, sub_moment = np.zeros((n, q * q)), np.zeros((n, q * q, 2))
+        live = np.flatnonzero(touched)
+        step = box[:, 2:] / q
+        for k in range(q * q):
+            start = box[:, :2] + np.array([k // q, k % q]) * step
+            area, moment = areas_and_centroids(clip_to_boxes(whole[live], start[row[live]], (start + step)[row[live]]))
+            sub_area[:, k] = np.bincount(row[live], area, minlength=n)
+            for axis in (0, 1):
+                sub_moment[:, k, axis] = np.bincount(row[live], moment[:, axis], minlength=n)
+        # Overlapping pieces would count twice: no part holds more than all of itself.
+        limit = np.minimum(1.0, step.prod(1)[:, None] / np.maximum(sub_area, 1e-300))
+        return np.maximum(sub_area * limit, 0.0), sub_moment * limit[..., None], low, high, touched
+
+    def _prepare_pull(self, parents: np.ndarray) -> None:
+        """For partly covered parents: the child under each node and its basis there."""
+        if not len(parents):
+            return
+        evaluate = self._evaluate.view()[self._matrix.view()[parents]]
+        # The linear functions give the node's place back, so it need not be stored; M1 has none and takes the mean anyway.
+        if self.order > 1:
+            x = (evaluate[:, :, self.order] / np.sqrt(3) + 1) / 2
+            y = (evaluate[:, :, 1] / np.sqrt(3) + 1) / 2
+        else:
+            x = y = np.full(evaluate.shape[:2], 0.5)
+        slot0 = self._first_slot(parents)[:, None]
+        east, north = (x > 0.5).astype(int), (y > 0.5).astype(int)
+        index = np.where(slot0 == 4, east, np.where(slot0 == 6, north, east + 2 * north))
+        child = np.take_along_axis(self.children[parents], index, 1)
+        place = basis.SLOTS[slot0 + index]
+        local = (np.stack([x, y], -1) - place[..., :2]) / place[..., 2:]
+        self._pull_row.view()[parents] = len(self._pull_child) + np.arange(len(parents))
+        self._pull_child.extend(child)
+        self._pull_basis.extend(basis.evaluate(self.order, local))
+
+    def _first_slot(self, parents: np.ndarray) -> np.ndarray:
+        width, height = self.box[parents, 2], self.box[parents, 3]
+        return np.where(width > SQUARISH * height, 4, np.where(height > SQUARISH * width, 6, 0))
+
+    def at_nodes(self, elements: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+        """Values (n, q*q, c) at the nodes of ``elements`` of functions with coefficients (n, m, c)."""
+        return self._apply(self._evaluate.view(), elements, coefficients)
+
+    def from_nodes(self, elements: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Coefficients (n, m, c) of values (n, q*q, c) at the nodes of ``elements``; keeps the mean."""
+        return self._apply(self._project.view(), elements, values)
+
+    def _apply(self, table, elements, values):
+        matrix = self._matrix.view()[elements]
+        out = np.matmul(table[0].astype(values.dtype), values)
+        partial = np.flatnonzero(matrix)
+        if len(partial):
+            out[partial] = np.matmul(table[matrix[partial]].astype(values.dtype), values[partial])
+        return out
+
+    def mean(self, elements: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+        """Mean (n, c) over the covered part of functions with coefficients (n, m, c)."""
+        matrix = self._matrix.view()[elements]
+        out = coefficients[:, 0].copy()
+        partial = np.flatnonzero(matrix)
+        out[partial] = np.einsum("nm,nmc->nc", self._mean.view()[matrix[partial]], coefficients[partial])
+        return out
+
+    def push(self, coefficients: np.ndarray) -> np.ndarray:
+        """Total at every element (E, m, c): its own coefficients plus what its ancestors hold, root to leaf. Exact."""
+        total = coefficients.copy()
+        filters = basis.two_scale(self.order).astype(total.dtype)
+        for level in range(1, int(self.level.max(initial=0)) + 1):
+            here = np.flatnonzero(self.level == level)
+            total[here] += np.einsum("nmc,nmk->nkc", total[self.parent[here]], filters[self.slot[here]])
+        return total
+
+    def pull(self, coefficients: np.ndarray) -> np.ndarray:
+        """Coefficients (E, m, c) of every element from those of the leaves below it; the mean is kept to rounding."""
+        total = coefficients.copy()
+        filters = basis.two_scale(self.order).astype(total.dtype)
+        inner = ~self.leaf
+        matrix = self._matrix.view()
+        for level in range(int(self.level.max(initial=0)) - 1, -1, -1):
+            parents = np.flatnonzero(inner & (self.level == level))
+            full = parents[matrix[parents] == 0]
+            if len(full):
+                first = self._first_slot(full)
+                total[full] = 0
+                for k in range(4):
+                    has = (first == 0) | (k < 2)
+                    child = self.children[full[has], k]
+                    share = np.where(first[has] == 0, 0.25, 0.5).astype(total.dtype)
+                    total[full[has]] += share[:, None, None] * np.einsum("nij,njc->nic", filters[first[has] + k], total[child])
+            partial = parents[matrix[parents] > 0]
+            if len(partial):
+                total[partial] = self._pull_partial(partial, total)
+        return total
+
+    def _pull_partial(self, parents, total):
+        row = self._pull_row.view()[parents]
+        child, values = self._pull_child.view()[row], self._pull_basis.view()[row].astype(total.dtype)
+        nodes = np.einsum("nqm,nqmc->nqc", values, total[np.maximum(child, 0)]) * (child >= 0)[..., None]
+        out = self.from_nodes(parents, nodes)
+        children = self.children[parents]
+        area = np.where(children >= 0, self.area[np.maximum(children, 0)], 0.0)
+        flat = np.maximum(children, 0).reshape(-1)
+        means = self.mean(flat, total[flat]).reshape(*children.shape, -1)
+        target = np.einsum("nk,nkc->nc", area / area.sum(1, keepdims=True), means)
+        out[:, 0] += (target - self.mean(parents, out)).astype(total.dtype)
+        return out

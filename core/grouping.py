@@ -1,0 +1,60 @@
+"""Small array idioms shared by every stage: ragged ranges, connected components, growing arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def ragged(starts: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """All ranges ``start, start + 1, ..`` of ``count`` members one after another.
+
+    Returns (members, owner): two int64 arrays of ``counts.sum()``; ``owner`` is the index of the range.
+    """
+    counts = np.asarray(counts, np.int64)
+    owner = np.repeat(np.arange(len(counts)), counts)
+    first = np.cumsum(counts) - counts
+    return np.arange(len(owner)) - first[owner] + np.asarray(starts, np.int64)[owner], owner
+
+
+def starts_of(sorted_keys: np.ndarray, count: int) -> np.ndarray:
+    """(count + 1,) int64: where each key 0..count-1 begins in a sorted array of keys."""
+    return np.searchsorted(sorted_keys, np.arange(count + 1)).astype(np.int64)
+
+
+def components(count: int, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(count,) int64 label of every node of an undirected graph with edges a-b; labels 0.. by smallest member."""
+    label = np.arange(count)
+    while True:
+        low = np.minimum(label[a], label[b])
+        before = label.copy()
+        np.minimum.at(label, label[a], low)
+        np.minimum.at(label, label[b], low)
+        label = label[label]
+        label = label[label]
+        if np.array_equal(label, before):
+            return np.unique(label, return_inverse=True)[1]
+
+
+class GrowingArray:
+    """An array that grows at its end in amortised constant time; ``view()`` is the filled part."""
+
+    def __init__(self, shape: tuple[int, ...] = (), dtype: np.dtype | type = np.float64):
+        self._data = np.zeros((16, *shape), dtype)
+        self._size = 0
+
+    def __len__(self) -> int:
+        return self._size
+
+    def extend(self, rows: np.ndarray) -> None:
+        """Append rows (n, *shape)."""
+        need = self._size + len(rows)
+        if need > len(self._data):
+            grown = np.zeros((max(need, 2 * len(self._data)), *self._data.shape[1:]), self._data.dtype)
+            grown[: self._size] = self._data[: self._size]
+            self._data = grown
+        self._data[self._size : need] = rows
+        self._size = need
+
+    def view(self) -> np.ndarray:
+        """The filled part; not to be kept over a call of :meth:`extend`."""
+        return self._data[: self._size]

@@ -1,0 +1,187 @@
+"""Visibility between points: which flat blockers can stand in a shaft, and which segments they cut.
+
+A shaft is the convex hull of two convex bodies. A blocker can be left out when some direction separates it from both
+bodies, when both bodies lie on one side of its plane, or when it lies behind the plane of either body. Each of these
+conditions is an AND or OR of facts about one body and one blocker, so the facts are kept as bits and a pair of bodies
+costs a few word operations for 64 blockers (in place of the planes of Haines and Wallace, "Shaft culling", 1991).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .regions import Regions
+
+_DIAGONALS = np.array([[1, 1, 0], [1, -1, 0], [1, 0, 1], [1, 0, -1], [0, 1, 1], [0, 1, -1]]) / np.sqrt(2)
+AXES = np.concatenate([np.eye(3), _DIAGONALS]).astype(np.float32)
+_BLOCK = 1 << 16
+"""Elements of one working array of the segment test: a handful of them stay in the cache of a core."""
+
+
+@dataclass(frozen=True)
+class Blockers:
+    """K flat blockers, parallelograms and triangles, opaque from both sides. float32, relative to the scene's centre.
+
+    normal, dual_x, dual_y : (K, 3); offset : (K, 3). Coordinates of a point p are (normal, dual_x, dual_y) . p - offset:
+    height above the plane (m) and x, y with |x|, |y| <= 1 inside a parallelogram, x, y >= 0 and x + y <= 1 inside a triangle
+    triangle : (K,) bool;  corners : (K, 4, 3), the last of a triangle repeated;  region : (K,) int32
+    clearance : points closer than this (m) to a blocker's plane are on it, and what starts on it is not cut by it
+    """
+
+    normal: np.ndarray
+    dual_x: np.ndarray
+    dual_y: np.ndarray
+    offset: np.ndarray
+    triangle: np.ndarray
+    corners: np.ndarray
+    region: np.ndarray
+    clearance: float
+
+    def __len__(self) -> int:
+        return len(self.region)
+
+    def take(self, index: np.ndarray) -> Blockers:
+        """The blockers with the given indices."""
+        arrays = (self.normal, self.dual_x, self.dual_y, self.offset, self.triangle, self.corners, self.region)
+        return Blockers(*(x[index] for x in arrays), self.clearance)
+
+
+def blockers_of(regions: Regions) -> Blockers:
+    """Every piece of every region as a blocker."""
+    region = regions.piece_region
+    triangle = regions.piece_triangle
+    a = regions.piece_a[:, :1] * regions.u[region] + regions.piece_a[:, 1:] * regions.v[region]
+    b = regions.piece_b[:, :1] * regions.u[region] + regions.piece_b[:, 1:] * regions.v[region]
+    origin = regions.world(region, regions.piece_origin)
+    normal = regions.normal[region]
+    corners = np.stack([origin, origin + a, np.where(triangle[:, None], origin + b, origin + a + b), origin + b], axis=1)
+    half = np.where(triangle, 1.0, 0.5)[:, None]
+    middle = np.where(triangle[:, None], origin, origin + 0.5 * (a + b))
+    x, y = half * a, half * b
+    across_y, across_x = np.cross(y, normal), np.cross(normal, x)
+    dual_x = across_y / np.einsum("ij,ij->i", x, across_y)[:, None]
+    dual_y = across_x / np.einsum("ij,ij->i", y, across_x)[:, None]
+    offset = np.stack([np.einsum("ij,ij->i", d, middle) for d in (normal, dual_x, dual_y)], axis=1)
+    extent = float(np.abs(corners).max(initial=1.0))
+    # float32 places a point to extent * 6e-8, and three products of it are summed.
+    clearance = max(1e-6, 1e-6 * extent)
+    single = (z.astype(np.float32) for z in (normal, dual_x, dual_y, offset))
+    return Blockers(*single, triangle, corners.astype(np.float32), region.astype(np.int32), clearance)
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """n flat convex bodies (patches or points), each a centre with two half sides and a facing normal; float32.
+
+    centre, half_u, half_v, normal : (n, 3)
+    """
+
+    centre: np.ndarray
+    half_u: np.ndarray
+    half_v: np.ndarray
+    normal: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.centre)
+
+
+class Shafts:
+    """Facts about every body and every blocker, as bits, for the culling of blockers from shafts."""
+
+    def __init__(self, bodies: Bodies, blockers: Blockers):
+        self.words = max(1, -(-len(blockers) // 64))
+        self._count = len(blockers)
+        eps = np.float32(blockers.clearance)
+        both = []  # a blocker is out when the bit is set for both bodies
+        for axis in AXES:
+            centre, half = bodies.centre @ axis, np.abs(bodies.half_u @ axis) + np.abs(bodies.half_v @ axis)
+            reach = blockers.corners @ axis
+            low, high = reach.min(1), reach.max(1)
+            both += [(centre - half)[:, None] > high + eps, (centre + half)[:, None] < low - eps]
+        height = bodies.centre @ blockers.normal.T - blockers.offset[:, 0]
+        half = np.abs(bodies.half_u @ blockers.normal.T) + np.abs(bodies.half_v @ blockers.normal.T)
+        both += [height - half >= -eps, height + half <= eps]
+        self._both = np.stack([self._pack(x) for x in both])
+        top = np.full((len(bodies), self._count), -np.inf, np.float32)
+        for k in range(4):
+            np.maximum(top, bodies.normal @ blockers.corners[:, k].T, out=top)
+        self._either = self._pack(top - np.einsum("ij,ij->i", bodies.centre, bodies.normal)[:, None] <= eps)
+
+    def _pack(self, bits: np.ndarray) -> np.ndarray:
+        out = np.zeros((len(bits), 8 * self.words), np.uint8)
+        packed = np.packbits(bits, axis=1)
+        out[:, : packed.shape[1]] = packed
+        return out.view(np.uint64)
+
+    def candidates(self, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Blockers that may stand between bodies a and b (n,). Returns rows (pair, blocker), sorted by pair, int64."""
+        pairs, found = [], []
+        step = max(1, (1 << 22) // (64 * self.words))
+        padding = np.zeros(64 * self.words, bool)
+        padding[: self._count] = True
+        valid = np.packbits(padding).view(np.uint64)
+        for start in range(0, len(a), step):
+            i, j = a[start : start + step], b[start : start + step]
+            out = self._either[i] | self._either[j]
+            for bits in self._both:
+                out |= bits[i] & bits[j]
+            left = ~out & valid
+            some = np.flatnonzero(left.any(1))
+            pair, blocker = np.nonzero(np.unpackbits(left[some].view(np.uint8), axis=1))
+            pairs.append(some[pair] + start)
+            found.append(blocker)
+        return (np.concatenate(pairs), np.concatenate(found)) if pairs else (np.zeros(0, np.int64), np.zeros(0, np.int64))
+
+
+def blocked(blockers: Blockers, pair: np.ndarray, blocker: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Which segments between the points of two sets some blocker cuts.
+
+    pair, blocker : (r,) rows, ``pair`` sorted;  a : (n, i, 3), b : (n, j, 3) float32 points of each pair
+    Returns (n, i, j) bool. A segment that ends on the plane of a blocker is not cut by it.
+    """
+    n, i, j = len(a), a.shape[1], b.shape[1]
+    out = np.zeros((n, i, j), bool)
+    # The blockers of both kinds are tested apart: their insides are different inequalities.
+    for kind in (False, True):
+        rows = np.flatnonzero(blockers.triangle[blocker] == kind)
+        if not len(rows):
+            continue
+        step = max(1, _BLOCK // (i * j))
+        bounds = np.append(np.arange(0, len(rows), step), len(rows))
+        for start, stop in zip(bounds[:-1], bounds[1:], strict=True):
+            here = rows[start:stop]
+            p, k = pair[here], blocker[here]
+            cut = _cut(blockers, k, a[p], b[p], kind)
+            first = np.flatnonzero(np.r_[True, p[1:] != p[:-1]])
+            out[p[first]] |= np.logical_or.reduceat(cut, first, axis=0)
+    return out
+
+
+def _cut(blockers: Blockers, k: np.ndarray, a: np.ndarray, b: np.ndarray, triangle: bool) -> np.ndarray:
+    """(r, i, j) bool: segment from point i to point j of a row meets the row's blocker. Division-free."""
+    frame = np.stack([blockers.normal[k], blockers.dual_x[k], blockers.dual_y[k]], axis=2)  # (r, 3, 3)
+    offset = blockers.offset[k][:, None]
+    ha, xa, ya = np.moveaxis(a @ frame - offset, 2, 0)
+    hb, xb, yb = np.moveaxis(b @ frame - offset, 2, 0)
+    eps = np.float32(blockers.clearance)
+    ha, hb = np.where(np.abs(ha) <= eps, np.float32(0), ha)[:, :, None], np.where(np.abs(hb) <= eps, np.float32(0), hb)[:, None]
+    span = ha - hb
+    x = ha * xb[:, None]
+    x -= hb * xa[:, :, None]
+    y = ha * yb[:, None]
+    y -= hb * ya[:, :, None]
+    crosses = (ha * hb) < 0
+    if triangle:
+        sign = np.sign(span)
+        x *= sign
+        y *= sign
+        span *= sign
+        return crosses & (x >= 0) & (y >= 0) & (x + y <= span)
+    np.abs(span, out=span)
+    np.abs(x, out=x)
+    np.abs(y, out=y)
+    crosses &= x <= span
+    crosses &= y <= span
+    return crosses
