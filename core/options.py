@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 ORDERINGS = ("random", "max_energy")
-DISTANCES = ("barycenter",)
+DISTANCES = ("barycenter", "closest_vertex", "orthogonal")
 
 
 class OptionError(ValueError):
