@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .corners import connected, corner_faces, face_area_vectors, next_corner
+from .corners import corner_faces, face_area_vectors, next_corner
+from .grouping import components
 
 COPLANAR_COSINE = 1.0 - 5e-7
 """Neighbouring faces whose normals have at least this cosine may share a chart (a thousandth of a radian)."""
@@ -98,7 +99,7 @@ def _coplanar_groups(position, corner_vertex, face_start, vector, area, flat) ->
     normal = vector / np.maximum(area, 1e-300)[:, None]
     even = (start[a] == end[b]) & flat[face[a]] & flat[face[b]]
     even &= np.einsum("ij,ij->i", normal[face[a]], normal[face[b]]) >= COPLANAR_COSINE
-    return connected(len(area), face[a[even]], face[b[even]])
+    return components(len(area), face[a[even]], face[b[even]])
 
 
 def _split_bent(at, face, group, vector, flat, tolerance) -> np.ndarray:

@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 
+from .grouping import components
+
 HARD_ANGLE = math.radians(40.0)
 """Faces whose normals differ by more than this (radians) do not share the light of their common corners."""
 
@@ -73,25 +75,7 @@ def linked_corners(
         soft &= ~(sharp[a] | sharp[b])
     a, b = a[soft], b[soft]
     # An edge shared by two faces joins, at each of its two ends, one corner of each.
-    return connected(count, np.concatenate([a, following[a]]), np.concatenate([following[b], b]))
-
-
-def connected(count: int, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(count,) int64: number, from 0 without gaps, of the connected component of every node; ``a[i]`` and ``b[i]`` are joined."""
-    label = np.arange(count)
-    while True:
-        low = np.minimum(label[a], label[b])
-        before = label.copy()
-        # Hook the roots of both ends to the lower one, then shorten every path to its root.
-        np.minimum.at(label, label[a], low)
-        np.minimum.at(label, label[b], low)
-        while True:
-            shorter = label[label]
-            if np.array_equal(shorter, label):
-                break
-            label = shorter
-        if np.array_equal(before, label):
-            return np.unique(label, return_inverse=True)[1].reshape(-1)
+    return components(count, np.concatenate([a, following[a]]), np.concatenate([following[b], b]))
 
 
 def average_groups(value: np.ndarray, group: np.ndarray, weight: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from enfilade.core.corners import average_groups, connected, corner_angles, face_area_vectors, linked_corners
+from enfilade.core.corners import average_groups, corner_angles, face_area_vectors, linked_corners
 
 CUBE = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
 CUBE_POSITION = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
@@ -98,27 +98,7 @@ def test_area_vectors_far_from_the_origin():
     assert np.linalg.norm(area, axis=1) == pytest.approx(1e-6, rel=1e-6)
 
 
-def test_components_of_a_long_chain_and_a_random_graph():
-    n = 5000
-    order = np.random.default_rng(2).permutation(n)
-    assert connected(n, order[:-1], order[1:]).max() == 0
-    a, b = np.random.default_rng(3).integers(0, n, (2, 3000))
-    label = connected(n, a, b)
-    parent = list(range(n))  # an independent union-find
-
-    def root(i):
-        while parent[i] != i:
-            i = parent[i]
-        return i
-
-    for i, j in zip(a, b, strict=True):
-        parent[root(int(i))] = root(int(j))
-    roots = np.array([root(i) for i in range(n)])
-    assert len(np.unique(label)) == len(np.unique(roots)) == len(np.unique(label * n + roots))
-
-
 def test_nothing():
     empty = np.zeros(0, int)
     assert linked_corners(np.zeros((0, 3)), empty, np.zeros(1, int)).shape == (0,)
-    assert connected(0, empty, empty).shape == (0,)
     assert average_groups(np.zeros((0, 3)), empty, empty).shape == (0, 3)
