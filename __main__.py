@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``python -m enfilade``: solve scene files without Blender, or bake .blend files with its Python module."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from collections.abc import Sequence
+
+HELP = """\
+usage: enfilade solve SCENE --out RESULT.npz [--report REPORT.json] [options]
+       enfilade bake FILE.blend --out BAKED.blend [--picture OUT.png] [options]
+
+Diffuse global illumination for buildings of rooms and portals.
+
+  solve      the light at the points of a scene file (.npz or .json); needs NumPy only
+  bake       the light of a .blend file, as vertex colours or textures; needs Blender's Python module
+
+enfilade solve --help and enfilade bake --help list the options; enfilade --version says which version this is.
+"""
+
+NO_BPY = "enfilade: bake needs Blender's Python module, which is not installed here: pip install bpy (Python 3.11 for Blender 4.2 to 5.0)"
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run a command and return its exit code; 2 after one sentence of what is wrong."""
+    command = argv[0] if argv else ""
+    if command == "solve":
+        from .core.command_line import solve_main
+
+        return solve_main(argv[1:])
+    if command == "bake":
+        if importlib.util.find_spec("bpy") is None:
+            sys.stderr.write(NO_BPY + "\n")
+            return 2
+        from .addon.command_line import bake_main
+
+        return bake_main(list(argv[1:]))
+    if command in ("-h", "--help"):
+        sys.stdout.write(HELP)
+        return 0
+    if command == "--version":
+        sys.stdout.write(f"enfilade {version()}\n")
+        return 0
+    sys.stderr.write(f"enfilade: {command!r} is not a command, the commands are solve and bake\n" if command else HELP)
+    return 2
+
+
+def version() -> str:
+    """The version, which stands in the manifest."""
+    import tomllib
+    from pathlib import Path
+
+    return tomllib.loads((Path(__file__).resolve().parent / "blender_manifest.toml").read_text(encoding="utf-8"))["version"]
+
+
+def console() -> None:
+    """Entry point of the ``enfilade`` command."""
+    sys.exit(main(sys.argv[1:]))
+
+
+if __name__ == "__main__":
+    console()
