@@ -158,9 +158,8 @@ def weld(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _lines(length: float, cuts: list[float]) -> np.ndarray:
-    inside = [c for c in cuts if 1e-6 < c < length - 1e-6]
-    lines = np.unique(np.round([0.0, length, *inside], 9))
-    return lines
+    inside = np.unique(np.round([c for c in cuts if 1e-6 < c < length - 1e-6], 9))
+    return np.concatenate([[0.0], inside, [length]])
 
 
 def _refined(lines: np.ndarray, cell: float) -> np.ndarray:

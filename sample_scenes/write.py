@@ -180,7 +180,7 @@ def save(path: Path) -> None:
     import bpy
 
     bpy.context.preferences.filepaths.save_version = 0
-    bpy.ops.wm.save_as_mainfile(filepath=str(path.resolve()), compress=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(path.absolute()), compress=True)
 
 
 def _collection(name: str, parent):
