@@ -72,7 +72,11 @@ def fit(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
     mean = np.einsum("nq,nqm->nm", share, values)
     centred = (values - mean[:, None])[:, :, 1:]
     root = np.sqrt(share)[:, :, None]
-    slope = np.linalg.pinv(root * centred, rcond=0.05) * root.transpose(0, 2, 1) if centred.shape[2] else np.zeros((len(values), 0, weights.shape[1]))
+    slope = (
+        np.linalg.pinv(root * centred, rcond=0.05) * root.transpose(0, 2, 1)
+        if centred.shape[2]
+        else np.zeros((len(values), 0, weights.shape[1]))
+    )
     # Directions whose nodes nearly coincide are not slopes but noise, however well conditioned among themselves.
     spread = np.sqrt(np.einsum("nq,nqm->n", share, centred**2)) if centred.shape[2] else np.ones(len(values))
     slope = np.where((spread > 0.2)[:, None, None], slope, 0.0)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from . import basis
+from .coverage import clipped_pieces, measure
 from .grouping import GrowingArray, ragged
-from .polygons import areas_and_centroids, clip_to_boxes
 from .regions import Regions
 
 SQUARISH = 1.5
@@ -52,7 +52,16 @@ class Forest:
         count = len(regions)
         start, pieces = regions.piece_start[:-1], np.diff(regions.piece_start)
         box = np.concatenate([np.zeros((count, 2)), regions.size], axis=1)
-        made = self._append(np.arange(count), np.full(count, -1), np.zeros(count, np.int8), box, regions.full, start, pieces, np.arange(len(regions.piece_origin)))
+        made = self._append(
+            np.arange(count),
+            np.full(count, -1),
+            np.zeros(count, np.int8),
+            box,
+            regions.full,
+            start,
+            pieces,
+            np.arange(len(regions.piece_origin)),
+        )
         if not np.array_equal(made, np.arange(count)):
             raise ValueError("every region must have an area: its root element is its first")
 
@@ -125,7 +134,7 @@ class Forest:
         if len(partial):
             members, row = ragged(piece_start[partial], piece_count[partial])
             ids = piece_table[members]
-            sub_area, sub_moment, low, high, touched = self._measure(box[partial], row, ids, q)
+            sub_area, sub_moment, low, high, touched = measure(self.regions, box[partial], row, ids, q)
             total = sub_area.sum(1)
             cell = area[partial]
             keep[partial] = total > 1e-7 * cell
@@ -168,35 +177,6 @@ class Forest:
         self._node_weights.extend(weights[keep])
         self._pull_row.extend(np.full(made, -1))
         return ids
-
-    def _measure(self, box, row, ids, q):
-        """Cover of cells by pieces: area and moment of each of the q*q parts of each cell, and the cover's box."""
-        n = len(box)
-        r = self.regions
-        a, b, triangle = r.piece_a[ids], r.piece_b[ids], r.piece_triangle[ids, None]
-        p = r.piece_origin[ids]
-        far = np.where(triangle, p + b, p + a + b)
-        corners = np.stack([p, p + a, far, p + b], axis=1)
-        flip = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) < 0
-        corners[flip] = corners[flip, ::-1]
-        whole = clip_to_boxes(corners, box[row, :2], box[row, :2] + box[row, 2:])
-        size = areas_and_centroids(whole)[0]
-        touched = size > 1e-9 * box[row, 2] * box[row, 3]
-        low, high = np.full((n, 2), np.inf), np.full((n, 2), -np.inf)
-        np.minimum.at(low, row[touched], whole[touched].min(1))
-        np.maximum.at(high, row[touched], whole[touched].max(1))
-        sub_area, sub_moment = np.zeros((n, q * q)), np.zeros((n, q * q, 2))
-        live = np.flatnonzero(touched)
-        step = box[:, 2:] / q
-        for k in range(q * q):
-            start = box[:, :2] + np.array([k // q, k % q]) * step
-            area, moment = areas_and_centroids(clip_to_boxes(whole[live], start[row[live]], (start + step)[row[live]]))
-            sub_area[:, k] = np.bincount(row[live], area, minlength=n)
-            for axis in (0, 1):
-                sub_moment[:, k, axis] = np.bincount(row[live], moment[:, axis], minlength=n)
-        # Overlapping pieces would count twice: no part holds more than all of itself.
-        limit = np.minimum(1.0, step.prod(1)[:, None] / np.maximum(sub_area, 1e-300))
-        return np.maximum(sub_area * limit, 0.0), sub_moment * limit[..., None], low, high, touched
 
     def _prepare_pull(self, parents: np.ndarray) -> None:
         """For partly covered parents: the child under each node and its basis there."""
@@ -247,46 +227,91 @@ class Forest:
         out[partial] = np.einsum("nm,nmc->nc", self._mean.view()[matrix[partial]], coefficients[partial])
         return out
 
-    def push(self, coefficients: np.ndarray) -> np.ndarray:
-        """Total at every element (E, m, c): its own coefficients plus what its ancestors hold, root to leaf. Exact."""
+    def push(self, coefficients: np.ndarray, elements: np.ndarray | None = None) -> np.ndarray:
+        """Total at every element (n, m, c): its own coefficients plus what its ancestors hold, root to leaf. Exact.
+
+        elements : (n,) whole trees with parents before children (by level); None for all elements in order of their ids.
+        """
+        elements, place = self._order(elements)
         total = coefficients.copy()
         filters = basis.two_scale(self.order).astype(total.dtype)
-        for level in range(1, int(self.level.max(initial=0)) + 1):
-            here = np.flatnonzero(self.level == level)
-            total[here] += np.einsum("nmc,nmk->nkc", total[self.parent[here]], filters[self.slot[here]])
+        level = self.level[elements]
+        for depth in range(1, int(level.max(initial=0)) + 1):
+            here = np.flatnonzero(level == depth)
+            ids = elements[here]
+            total[here] += np.matmul(filters[self.slot[ids]].transpose(0, 2, 1), total[place[self.parent[ids]]])
         return total
 
-    def pull(self, coefficients: np.ndarray) -> np.ndarray:
-        """Coefficients (E, m, c) of every element from those of the leaves below it; the mean is kept to rounding."""
+    def pull(self, coefficients: np.ndarray, elements: np.ndarray | None = None) -> np.ndarray:
+        """Coefficients (n, m, c) of every element from those of the leaves below it; the mean is kept to rounding.
+
+        elements : as for :meth:`push`.
+        """
+        elements, place = self._order(elements)
         total = coefficients.copy()
         filters = basis.two_scale(self.order).astype(total.dtype)
-        inner = ~self.leaf
-        matrix = self._matrix.view()
-        for level in range(int(self.level.max(initial=0)) - 1, -1, -1):
-            parents = np.flatnonzero(inner & (self.level == level))
-            full = parents[matrix[parents] == 0]
+        level, matrix = self.level[elements], self._matrix.view()[elements]
+        inner = (self.children[elements] >= 0).any(1)
+        for depth in range(int(level.max(initial=0)) - 1, -1, -1):
+            at = inner & (level == depth)
+            full = np.flatnonzero(at & (matrix == 0))
             if len(full):
-                first = self._first_slot(full)
+                first = self._first_slot(elements[full])
                 total[full] = 0
                 for k in range(4):
                     has = (first == 0) | (k < 2)
-                    child = self.children[full[has], k]
+                    child = place[self.children[elements[full[has]], k]]
                     share = np.where(first[has] == 0, 0.25, 0.5).astype(total.dtype)
-                    total[full[has]] += share[:, None, None] * np.einsum("nij,njc->nic", filters[first[has] + k], total[child])
-            partial = parents[matrix[parents] > 0]
+                    total[full[has]] += share[:, None, None] * np.matmul(filters[first[has] + k], total[child])
+            partial = np.flatnonzero(at & (matrix > 0))
             if len(partial):
-                total[partial] = self._pull_partial(partial, total)
+                total[partial] = self._pull_partial(elements[partial], total, place)
         return total
 
-    def _pull_partial(self, parents, total):
+    def _order(self, elements: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+        """The elements, and (E,) where each stands among them."""
+        if elements is None:
+            everything = np.arange(len(self))
+            return everything, everything
+        place = np.zeros(len(self), np.int64)
+        place[elements] = np.arange(len(elements))
+        return elements, place
+
+    def _pull_partial(self, parents, total, place):
         row = self._pull_row.view()[parents]
         child, values = self._pull_child.view()[row], self._pull_basis.view()[row].astype(total.dtype)
-        nodes = np.einsum("nqm,nqmc->nqc", values, total[np.maximum(child, 0)]) * (child >= 0)[..., None]
+        nodes = np.einsum("nqm,nqmc->nqc", values, total[place[np.maximum(child, 0)]]) * (child >= 0)[..., None]
         out = self.from_nodes(parents, nodes)
         children = self.children[parents]
         area = np.where(children >= 0, self.area[np.maximum(children, 0)], 0.0)
         flat = np.maximum(children, 0).reshape(-1)
-        means = self.mean(flat, total[flat]).reshape(*children.shape, -1)
+        means = self.mean(flat, total[place[flat]]).reshape(*children.shape, -1)
         target = np.einsum("nk,nkc->nc", area / area.sum(1, keepdims=True), means)
         out[:, 0] += (target - self.mean(parents, out)).astype(total.dtype)
         return out
+
+    def centroids(self, elements: np.ndarray) -> np.ndarray:
+        """(n, 3) float32 centre of gravity of the covered part of elements."""
+        weights = self.node_weights[elements]
+        return np.einsum("nq,nqk->nk", weights / weights.sum(1, keepdims=True), self.nodes[elements])
+
+    def outlines(self, elements: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Convex polygons (r, 8, 3) float64 that make up the covered part of elements, and their rows (r,), sorted."""
+        row, flat = self._flat_outlines(elements)
+        region = np.repeat(self.region[elements][row], flat.shape[1])
+        return row, self.regions.world(region, flat.reshape(-1, 2)).reshape(len(row), -1, 3)
+
+    def _flat_outlines(self, elements):
+        partial = self._matrix.view()[elements] > 0
+        full = np.flatnonzero(~partial)
+        box = self.box[elements]
+        low, high = box[full, :2], box[full, :2] + box[full, 2:]
+        rectangle = np.stack([low, np.stack([high[:, 0], low[:, 1]], 1), high, np.stack([low[:, 0], high[:, 1]], 1)], axis=1)
+        rectangle = np.concatenate([rectangle, np.repeat(rectangle[:, 3:], 4, 1)], axis=1)
+        cut = np.flatnonzero(partial)
+        start, count = self._pieces.view()[elements[cut]].T
+        members, owner = ragged(start, count)
+        clipped = clipped_pieces(self.regions, box[cut], owner, self._piece_ids.view()[members])
+        row = np.concatenate([full, cut[owner]])
+        order = np.argsort(row, kind="stable")
+        return row[order], np.concatenate([rectangle, clipped])[order]

@@ -170,11 +170,11 @@ def clip_to_boxes(polygons: np.ndarray, low: np.ndarray, high: np.ndarray) -> np
     """
     for axis in (0, 1):
         for bound, sign in ((low, 1.0), (high, -1.0)):
-            polygons = _clip_half(polygons, sign * (polygons[:, :, axis] - bound[:, axis, None]))
+            polygons = clip_half(polygons, sign * (polygons[:, :, axis] - bound[:, axis, None]))
     return polygons
 
 
-def _clip_half(polygons: np.ndarray, height: np.ndarray) -> np.ndarray:
+def clip_half(polygons: np.ndarray, height: np.ndarray) -> np.ndarray:
     """Keep the part of (n, k, d) convex polygons with ``height`` (n, k) >= 0; one corner slot more than before."""
     n, k, d = polygons.shape
     following, next_height = np.roll(polygons, -1, 1), np.roll(height, -1, 1)

@@ -1,0 +1,63 @@
+"""Everything about a scene that stays fixed while light moves: regions, blockers, clusters of regions and their PVS."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .clustering import Clusters
+from .grouping import ragged
+from .occlusion import Blockers
+from .regions import Regions
+from .scene import Portals
+from .visibility_graph import VisibilityGraph
+
+
+@dataclass(frozen=True)
+class Doors:
+    """Portals as a pair of rooms and an area: rooms (K, 2) int, -1 outside; area (K,) float64 m2."""
+
+    rooms: np.ndarray
+    area: np.ndarray
+
+
+def doors_of(portals: Portals) -> Doors:
+    """Rooms and areas of all portals."""
+    following = np.arange(len(portals.vertices)) + 1
+    following[portals.start[1:] - 1] = portals.start[:-1]
+    owner = np.repeat(np.arange(len(portals)), np.diff(portals.start))
+    local = portals.vertices - portals.vertices[portals.start[:-1]][owner]
+    vector = np.zeros((len(portals), 3))
+    np.add.at(vector, owner, 0.5 * np.cross(local, local[following]))
+    return Doors(portals.rooms, np.linalg.norm(vector, axis=1))
+
+
+@dataclass(frozen=True)
+class Building:
+    """The fixed part of a solve. ``clusters`` and ``graph`` are over regions, not over the polygons they were merged from."""
+
+    regions: Regions
+    blockers: Blockers
+    clusters: Clusters
+    graph: VisibilityGraph
+    doors: Doors
+    room_count: int
+
+    def surroundings(self, clusters: np.ndarray) -> np.ndarray:
+        """Sorted clusters in the PVS of any of ``clusters`` (n,).
+
+        The first thing that a segment from a point of a cluster meets can be seen from there, so that it lies in the
+        cluster's PVS: the blockers of these surroundings decide every segment that starts in ``clusters``.
+        """
+        return np.unique(np.concatenate([self.graph.neighbours(int(c)) for c in clusters]))
+
+    def regions_of(self, clusters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Regions of ``clusters`` (n,) one after another, and for each the index into ``clusters``."""
+        members, owner = ragged(self.clusters.start[clusters], np.diff(self.clusters.start)[clusters])
+        return self.clusters.members[members], owner
+
+    def blockers_of(self, regions: np.ndarray) -> Blockers:
+        """The blockers that stand for ``regions`` (n,)."""
+        start = self.regions.piece_start
+        return self.blockers.take(ragged(start[regions], np.diff(start)[regions])[0])

@@ -1,0 +1,47 @@
+"""How much of a rectangle in a region's plane the region covers: exact, by clipping its convex pieces."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .polygons import areas_and_centroids, clip_to_boxes
+from .regions import Regions
+
+
+def clipped_pieces(regions: Regions, box: np.ndarray, row: np.ndarray, piece: np.ndarray) -> np.ndarray:
+    """(r, 8, 2) convex polygons, counter-clockwise in the frame: piece ``piece[r]`` cut to ``box[row[r]]``.
+
+    box : (n, 4) float64 u, v, width, height;  row, piece : (r,). Missing corners repeat the last one.
+    """
+    a, b, triangle = regions.piece_a[piece], regions.piece_b[piece], regions.piece_triangle[piece, None]
+    p = regions.piece_origin[piece]
+    corners = np.stack([p, p + a, np.where(triangle, p + b, p + a + b), p + b], axis=1)
+    flip = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) < 0
+    corners[flip] = corners[flip, ::-1]
+    return clip_to_boxes(corners, box[row, :2], box[row, :2] + box[row, 2:])
+
+
+def measure(regions: Regions, box: np.ndarray, row: np.ndarray, piece: np.ndarray, parts: int):
+    """Cover of boxes by the pieces listed in rows (``row`` sorted), for each of ``parts`` x ``parts`` equal parts of a box.
+
+    Returns area (n, parts**2) and first moment (n, parts**2, 2) of the cover in each part, u running slowest; corners
+    low and high (n, 2) of the cover; and touched (r,) bool, whether the row's piece meets the box at all.
+    """
+    n = len(box)
+    whole = clipped_pieces(regions, box, row, piece)
+    touched = areas_and_centroids(whole)[0] > 1e-9 * box[row, 2] * box[row, 3]
+    low, high = np.full((n, 2), np.inf), np.full((n, 2), -np.inf)
+    np.minimum.at(low, row[touched], whole[touched].min(1))
+    np.maximum.at(high, row[touched], whole[touched].max(1))
+    area, moment = np.zeros((n, parts * parts)), np.zeros((n, parts * parts, 2))
+    live = np.flatnonzero(touched)
+    step = box[:, 2:] / parts
+    for k in range(parts * parts):
+        start = box[:, :2] + np.array([k // parts, k % parts]) * step
+        size, first = areas_and_centroids(clip_to_boxes(whole[live], start[row[live]], (start + step)[row[live]]))
+        area[:, k] = np.bincount(row[live], size, minlength=n)
+        for axis in (0, 1):
+            moment[:, k, axis] = np.bincount(row[live], first[:, axis], minlength=n)
+    # Overlapping pieces would count twice: no part holds more than all of itself.
+    limit = np.minimum(1.0, step.prod(1)[:, None] / np.maximum(area, 1e-300))
+    return np.maximum(area * limit, 0.0), moment * limit[..., None], low, high, touched

@@ -1,0 +1,101 @@
+"""Direct light on the elements: the first shot of every luminaire, on a mesh that follows its shadows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from . import basis
+from .building import Building
+from .direct import Luminaires, direct_light
+from .elements import Forest
+
+
+def illuminate(
+    building: Building, forest: Forest, luminaires: Luminaires, tolerance: float, min_size: float, workers: int
+) -> Iterator[float | tuple[np.ndarray, np.ndarray, int]]:
+    """Direct irradiance on every element; elements are split where it is not smooth.
+
+    tolerance : admissible error of an element, of its room's mean irradiance times the root of its room's area
+    min_size : metres, elements are not split below it
+    Yields the share of the work done, at last (coefficients (E, m, 3) float32 W/m2 of every element with its ancestors' part,
+    room irradiance (R, 3) float64 W/m2 as estimated by :func:`room_irradiance`, segment tests).
+    """
+    own = np.zeros((len(forest), forest.functions, 3), np.float32)
+    fresh, tests, room = np.arange(len(forest)), 0, None
+    rounds = 0
+    while len(fresh):
+        nodes = forest.nodes[fresh].reshape(-1, 3)
+        region = np.repeat(forest.region[fresh], forest.node_count)
+        light = np.zeros((len(nodes), 3), np.float32)
+        done = 0
+        for part in direct_light(building, luminaires, nodes, region, workers):
+            light[part.index] = part.irradiance
+            tests += part.segment_tests
+            done += len(part.index)
+            yield 1 - 0.5 ** (rounds + done / len(nodes))
+        rounds += 1
+        found = forest.from_nodes(fresh, light.reshape(-1, forest.node_count, 3))
+        own[fresh] = found
+        if room is None:
+            room = room_irradiance(building, forest.mean(fresh, found))
+            wall = np.bincount(building.regions.room, building.regions.area, minlength=len(room))
+            limit = (tolerance * room.max(1) * np.sqrt(wall))[building.regions.room]
+            # A root has no parent to foresee it: all that is not constant in it counts as unforeseen.
+            surprise = found.copy()
+            surprise[:, 0] = 0
+        else:
+            parent = forest.parent[fresh]
+            filters = basis.two_scale(forest.order).astype(np.float32)[forest.slot[fresh]]
+            surprise = found - np.matmul(filters.transpose(0, 2, 1), own[parent])
+        error = np.sqrt((surprise**2).sum(1)).max(1) * np.sqrt(forest.area[fresh])
+        parents = fresh[(error > limit[forest.region[fresh]]) & forest.can_split(fresh, min_size)]
+        before = len(forest)
+        forest.split(parents)
+        fresh = np.arange(before, len(forest))
+        own = np.concatenate([own, np.zeros((len(fresh), *own.shape[1:]), np.float32)])
+    yield forest.pull(np.where(forest.leaf[:, None, None], own, 0)), room, tests
+
+
+def room_irradiance(building: Building, direct: np.ndarray) -> np.ndarray:
+    """(R, 3) rough mean irradiance of every room, direct (G, 3 per region) and reflected: rooms as integrating spheres that
+    trade light through their portals. It steers the oracle and is no part of any result.
+    """
+    regions = building.regions
+    rooms = building.room_count
+    per_room = lambda x: np.stack([np.bincount(regions.room, x[:, k], minlength=rooms) for k in range(3)], 1)  # noqa: E731
+    area = regions.area[:, None]
+    wall = np.maximum(np.bincount(regions.room, regions.area, minlength=rooms), 1e-300)[:, None]
+    reflectance = per_room(regions.reflectance * area) / wall
+    first = per_room(regions.reflectance * direct * area) / wall
+    emission = per_room(regions.emission * area) / wall
+    doors = building.doors
+    opening = np.zeros((rooms, 1))
+    inner = (doors.rooms >= 0).all(1)
+    for side in (0, 1):
+        has = doors.rooms[:, side] >= 0
+        np.add.at(opening[:, 0], doors.rooms[has, side], doors.area[has])
+    reflected = np.zeros((rooms, 3))
+    a, b, size = doors.rooms[inner, 0], doors.rooms[inner, 1], doors.area[inner, None]
+    for _ in range(200):  # a fixed point with contraction by the reflectance; the estimate needs no more
+        exitance = first + reflectance * reflected
+        through = np.zeros((rooms, 3))
+        np.add.at(through, a, size * exitance[b])
+        np.add.at(through, b, size * exitance[a])
+        update = (wall * exitance + through) / (wall + opening)
+        settled = np.allclose(update, reflected, rtol=1e-3, atol=0)
+        reflected = update
+        if settled:
+            break
+    mean = per_room(direct * area) / wall + reflected
+    # A room without any light has no scale of its own: it takes the building's, far down.
+    return np.maximum(mean, 1e-4 * np.maximum(mean.max(initial=0.0), 1e-3 * emission.max(initial=0.0)) + 1e-30)
+
+
+def exitance_estimate(forest: Forest, direct: np.ndarray, room: np.ndarray) -> np.ndarray:
+    """(E,) float64 rough reflected exitance of every element, largest channel, W/m2: for the oracle."""
+    regions = forest.regions
+    elements = np.arange(len(forest))
+    mean = np.maximum(forest.mean(elements, direct), 0) + room[regions.room[forest.region]]
+    return (mean * regions.reflectance[forest.region]).max(1).astype(np.float64)

@@ -1,0 +1,46 @@
+"""What a target error means for each stage: the one knob of a user, resolved into tolerances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .options import Options
+from .regions import Regions
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Tolerances of one solve; errors are relative to the mean irradiance of a room, in the mean square over its surfaces.
+
+    exchange : admissible error of one exchange between two elements
+    direct : admissible error of the direct light on one element, as a source of reflected light
+    min_size : metres, shortest long edge of an element
+    mesh_samples, point_samples : sample points along each side of a luminaire where it is partly hidden, for the light on
+        elements and for the light at points
+    unshot : unshot over emitted power at which the shooting stops
+    """
+
+    exchange: float
+    direct: float
+    min_size: float
+    mesh_samples: int
+    point_samples: int
+    unshot: float
+
+
+# Fractions of the root of a typical room's surface for min_size; the rest by measurement on the bench scenes.
+_TABLE = {
+    "draft": (4e-3, 1.2e-2, 1 / 24, 3, 6, 3e-3),
+    "good": (1e-3, 4e-3, 1 / 48, 4, 8, 1e-3),
+    "fine": (2.5e-4, 1.5e-3, 1 / 96, 6, 16, 3e-4),
+}
+
+
+def tolerances(options: Options, regions: Regions) -> Tolerances:
+    """Tolerances for the quality that the options ask for, in a building of these regions."""
+    exchange, direct, fraction, mesh, point, unshot = _TABLE[options.quality]
+    surface = np.bincount(regions.room, regions.area)
+    typical = float(np.sqrt(np.median(surface[surface > 0])))
+    return Tolerances(exchange, direct, options.min_element_size or fraction * typical, mesh, point, unshot)

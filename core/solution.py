@@ -1,0 +1,102 @@
+"""The light of a solved scene at any points of its surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from . import basis
+from .building import Building
+from .direct import Luminaires, direct_light
+from .elements import Forest
+from .scene import Scene
+
+EDGE = 1e-4
+"""Points on the edge of a polygon are moved in by this part of its region's size: on the edge itself light is undefined."""
+
+
+class Solution:
+    """Exitance and irradiance at surface points, and the ``report`` of the solve (a dict that JSON can hold).
+
+    The direct light of the luminaires is computed anew at every point; the reflected light is the wavelet solution.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        building: Building,
+        forest: Forest,
+        luminaires: Luminaires,
+        direct: np.ndarray,
+        reflected: np.ndarray,
+        workers: int,
+        report: dict,
+    ):
+        self._scene, self._building, self._forest = scene, building, forest
+        self._luminaires, self._direct, self._reflected, self._workers = luminaires, direct, reflected, workers
+        self.report = report
+
+    def irradiance(self, points: np.ndarray, polygon: np.ndarray) -> np.ndarray:
+        """(N, 3) float32 W/m2 on the fronts of ``polygon`` (N,) at ``points`` (N, 3) world positions, own emission excluded.
+
+        Points may lie on the boundary of their polygon. A polygon without area gets zero. Values that the linear functions
+        take below zero are set to zero.
+        """
+        out = np.zeros((len(points), 3), np.float32)
+        for _ in self.irradiance_steps(points, polygon, out):
+            pass
+        return out
+
+    def irradiance_steps(self, points: np.ndarray, polygon: np.ndarray, out: np.ndarray) -> Iterator[float]:
+        """As :meth:`irradiance`, into ``out`` (N, 3); yields the share of the work done."""
+        regions = self._building.regions
+        region = regions.polygon_region[np.asarray(polygon, np.int64)]
+        valid = np.flatnonzero(region >= 0)
+        region = region[valid].astype(np.int64)
+        uv = regions.local(region, np.asarray(points, np.float64)[valid])
+        uv = _inside(uv, regions.size[region])
+        element, local = self._locate(region, uv)
+        values = basis.evaluate(self._forest.order, local).astype(np.float32)
+        light = np.einsum("nm,nmc->nc", values, self._reflected[element])
+        position = regions.world(region, uv).astype(np.float32)
+        done = 0
+        for part in direct_light(self._building, self._luminaires, position, region, self._workers):
+            light[part.index] += part.irradiance
+            done += len(part.index)
+            yield done / max(len(valid), 1)
+        out[valid] = np.maximum(light, 0)
+
+    def exitance(self, points: np.ndarray, polygon: np.ndarray) -> np.ndarray:
+        """(N, 3) float32 W/m2: emission + reflectance * irradiance."""
+        polygon = np.asarray(polygon, np.int64)
+        reflected = self._scene.reflectance[polygon] * self.irradiance(points, polygon)
+        return (self._scene.emission[polygon] + reflected).astype(np.float32)
+
+    def polygon_exitance(self) -> np.ndarray:
+        """(P, 3) float32 W/m2, mean over the region that each polygon was merged into; emission alone without area."""
+        region = self._building.regions.polygon_region
+        roots = np.arange(len(self._building.regions))
+        mean = self._forest.mean(roots, self._direct[roots] + self._reflected[roots])
+        light = np.where(region[:, None] >= 0, mean[np.maximum(region, 0)], 0.0)
+        return (self._scene.emission + self._scene.reflectance * np.maximum(light, 0)).astype(np.float32)
+
+    def _locate(self, region: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The smallest element under each point, and the point in its unit square; the parent where no child lies there."""
+        forest = self._forest
+        element = region.copy()
+        active = np.arange(len(element))
+        while len(active):
+            children = forest.children[element[active]]
+            box = forest.box[np.maximum(children, 0)]
+            offset = uv[active, None] - box[:, :, :2]
+            inside = (children >= 0) & (offset >= 0).all(2) & (offset <= box[:, :, 2:]).all(2)
+            found = inside.any(1)
+            active = active[found]
+            element[active] = np.take_along_axis(children[found], inside[found].argmax(1)[:, None], 1)[:, 0]
+        box = forest.box[element]
+        return element, np.clip((uv - box[:, :2]) / box[:, 2:], 0, 1)
+
+
+def _inside(uv: np.ndarray, size: np.ndarray) -> np.ndarray:
+    return np.clip(uv, EDGE * size, (1 - EDGE) * size)
