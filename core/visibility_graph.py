@@ -197,8 +197,7 @@ def _look(world: _World, low: int, seen: np.ndarray, room_names: Sequence[str], 
         front, planes = _supporting_planes(world, front)
         if not len(front):
             continue
-        member, owner = _boxes_inside(world, front, planes)
-        seen[front.source[owner] - low, member] = True
+        _mark_boxes(world, front, planes, low, seen)
         following = _through(world, front, planes)
         if following.path.shape[1] > MAX_PORTALS and len(following):
             _give_up(world, following, low, seen, room_names, findings)
@@ -271,19 +270,22 @@ def _cotangent(side: np.ndarray, depth: np.ndarray, edges: np.ndarray, slack: fl
     return result
 
 
-def _boxes_inside(world: _World, front: _Windows, planes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(clusters (M,), windows (M,)): clusters of the room behind each window whose boxes are not outside a plane."""
+def _mark_boxes(world: _World, front: _Windows, planes: np.ndarray, low: int, seen: np.ndarray) -> None:
+    """Set ``seen`` for the clusters of the room behind each window whose boxes are not wholly outside one of its planes."""
     room = world.target[front.portal]
     member, owner = ragged(world.room_start[room], np.diff(world.room_start)[room])
     member = world.by_room[member]
+    source = front.source[owner] - low
+    new = np.flatnonzero(~seen[source, member])  # where several ways lead to a room, most is known from the first
+    member, owner = member[new], owner[new]
     for k in range(planes.shape[1] - 1, -1, -1):
         plane = planes[owner, k]
         nearest = np.einsum("ij,ij->i", plane[:, :3], world.centre[member]) - np.einsum(
             "ij,ij->i", np.abs(plane[:, :3]), world.half[member]
         )
-        keep = nearest <= plane[:, 3]
+        keep = np.flatnonzero(nearest <= plane[:, 3])
         member, owner = member[keep], owner[keep]
-    return member, owner
+    seen[front.source[owner] - low, member] = True
 
 
 def _through(world: _World, front: _Windows, planes: np.ndarray) -> _Windows:
