@@ -1,0 +1,242 @@
+"""The values of a bake: light at the corners of meshes and at the texels of lightmaps, from any solution.
+
+An item (:class:`CornerItem`, :class:`PageItem`) knows at which surface points it wants light and what becomes of it;
+:func:`evaluate` asks the solution for all of them in blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from .charts import Layout, cover_texels, fill_margin, make_charts, pack
+from .corners import average_groups, corner_angles, corner_faces, linked_corners, next_corner
+from .photometry import stored_quantity
+from .scene import Scene, SceneError
+from .subdivision import subdivide
+
+BLOCK = 1 << 17
+"""Points that are asked for at once."""
+
+
+class Light(Protocol):
+    """What a bake needs of a solution: see :class:`enfilade.core.solution.Solution`."""
+
+    def irradiance(self, points: np.ndarray, polygon: np.ndarray) -> np.ndarray: ...
+
+
+@dataclass(frozen=True)
+class Carrier:
+    """A mesh that carries light (V vertices, F faces, C corners, T triangles).
+
+    position : (V, 3) float64, metres;  corner_vertex : (C,) int;  face_start : (F + 1,) int
+    sharp : (C,) bool, the edge from a corner to the next is hard
+    triangle : (T, 3) int, corners;  triangle_polygon : (T,) int, polygon of the scene that each lies in, -1 for none
+    """
+
+    position: np.ndarray
+    corner_vertex: np.ndarray
+    face_start: np.ndarray
+    sharp: np.ndarray
+    triangle: np.ndarray
+    triangle_polygon: np.ndarray
+
+    @property
+    def corner_position(self) -> np.ndarray:
+        """(C, 3) float64, metres."""
+        return self.position[self.corner_vertex]
+
+
+@dataclass(frozen=True)
+class FineCarrier:
+    """A carrier whose faces are pieces of the triangles of a coarse one.
+
+    parent : (F,) int64, triangle of the coarse carrier;  weight : (C, 3) float64, barycentric coordinates in it
+    """
+
+    carrier: Carrier
+    parent: np.ndarray
+    weight: np.ndarray
+
+
+def refined(coarse: Carrier, limit: float) -> FineCarrier:
+    """A carrier with no edge longer than ``limit`` metres.
+
+    Raises :class:`SceneError` when that takes too many faces.
+    """
+    fine = subdivide(coarse.position, coarse.corner_vertex[coarse.triangle], limit)
+    corners = np.einsum("tij,tjk->tik", fine.weight, coarse.corner_position[coarse.triangle[fine.parent]]).reshape(-1, 3)
+    position = np.zeros((fine.count, 3))
+    vertex = fine.vertex.reshape(-1)
+    position[vertex] = corners
+    count = len(fine.vertex)
+    # An edge of a piece lies on an edge of its parent where both its ends have no share of the corner across.
+    marked = np.zeros((count, 3), bool)
+    following = np.roll(fine.weight, -1, axis=1)
+    start = coarse.triangle[fine.parent]
+    next_of = next_corner(coarse.face_start)
+    for e in range(3):
+        real = next_of[start[:, e]] == start[:, (e + 1) % 3]
+        on_edge = (fine.weight[:, :, (e + 2) % 3] == 0.0) & (following[:, :, (e + 2) % 3] == 0.0)
+        marked |= on_edge & (real & coarse.sharp[start[:, e]])[:, None]
+    carrier = Carrier(
+        position,
+        vertex,
+        np.arange(count + 1) * 3,
+        marked.reshape(-1),
+        np.arange(3 * count).reshape(-1, 3),
+        coarse.triangle_polygon[fine.parent],
+    )
+    return FineCarrier(carrier, fine.parent, fine.weight.reshape(-1, 3))
+
+
+class CornerItem:
+    """Light at the corners of a carrier, averaged across each surface and split at hard edges.
+
+    The irradiance is averaged, and only then multiplied with what each face reflects: colours do not bleed over
+    the border of two materials.
+    """
+
+    def __init__(self, carrier: Carrier, quantity: str, domain: str) -> None:
+        self.carrier, self.quantity, self.domain = carrier, quantity, domain
+
+    def samples(self) -> tuple[np.ndarray, np.ndarray]:
+        """(N, 3) points and (N,) polygons at which irradiance is wanted."""
+        corner = self.carrier.triangle.reshape(-1).astype(np.int64)
+        polygon = np.repeat(self.carrier.triangle_polygon, 3).astype(np.int64)
+        known = polygon >= 0
+        stride = int(polygon.max(initial=0)) + 1
+        pair = np.unique(corner[known] * stride + polygon[known])
+        self._corner, self._polygon = np.divmod(pair, stride)
+        return self.carrier.corner_position[self._corner], self._polygon
+
+    def finish(self, irradiance: np.ndarray, scene: Scene) -> np.ndarray:
+        """(C, 4) or, per vertex, (V, 4) float32 colours with alpha 1."""
+        mesh = self.carrier
+        count = len(mesh.corner_vertex)
+        number = np.bincount(self._corner, minlength=count)
+        light = np.stack([np.bincount(self._corner, channel, count) for channel in irradiance.T], axis=1)
+        light /= np.maximum(number, 1)[:, None]
+        weight = np.where(number > 0, corner_angles(mesh.position, mesh.corner_vertex, mesh.face_start), 0.0)
+        group = linked_corners(mesh.position, mesh.corner_vertex, mesh.face_start, mesh.sharp)
+        light = np.maximum(average_groups(light, group, weight), 0.0)
+        polygon = np.full(count, -1)
+        polygon[self._corner[::-1]] = self._polygon[::-1]
+        known = (polygon >= 0)[:, None]
+        color = stored_quantity(
+            self.quantity, light, np.where(known, scene.reflectance[polygon], 0.0), np.where(known, scene.emission[polygon], 0.0)
+        )
+        if self.domain == "point":
+            vertices = len(mesh.position)
+            mean = average_groups(color, mesh.corner_vertex, weight)
+            color = np.zeros((vertices, 3), np.float32)
+            color[mesh.corner_vertex] = mean
+        return np.concatenate([color, np.ones((len(color), 1), np.float32)], axis=1)
+
+
+@dataclass(frozen=True)
+class Page:
+    """One texture and the charts of its members.
+
+    members : indices of carriers;  uv : for every member (C, 2) float64, texels (the first texel's centre is 0)
+    """
+
+    members: tuple[int, ...]
+    uv: tuple[np.ndarray, ...]
+    width: int
+    height: int
+    density: float
+
+
+def plan_page(carriers: Sequence[Carrier], members: Sequence[int], density: float, margin: int, limit: int, name: str) -> Page:
+    """Lay the charts of some carriers out in one texture, coarser than ``density`` (texels per metre) where they do not fit.
+
+    Raises :class:`SceneError` that names the texture when no density fits.
+    """
+    while True:
+        charts = [make_charts(carriers[m].position, carriers[m].corner_vertex, carriers[m].face_start, density) for m in members]
+        layout = pack(np.concatenate([c.size for c in charts]), margin, limit)
+        if layout is not None:
+            return Page(tuple(members), _texture_coordinates(carriers, members, charts, layout), layout.width, layout.height, density)
+        # Charts of two texels do not shrink any more: then no density helps.
+        if all((c.size == 2).all() for c in charts):
+            raise SceneError(
+                f"the lightmap of '{name}' does not fit into {limit} x {limit} texels: raise max_resolution or lower the margin"
+            )
+        density *= 0.84
+
+
+def _texture_coordinates(carriers, members, charts, layout: Layout) -> tuple[np.ndarray, ...]:
+    out, first = [], 0
+    for m, chart in zip(members, charts, strict=True):
+        owner = chart.chart[corner_faces(carriers[m].face_start)]
+        offset = np.concatenate([layout.offset[first : first + len(chart.size)], np.zeros((1, 2), np.int64)])
+        out.append(chart.local + offset[owner])
+        first += len(chart.size)
+    return tuple(out)
+
+
+class PageItem:
+    """Light at the texels of one texture."""
+
+    def __init__(self, carriers: Sequence[Carrier], page: Page, quantity: str, margin: int) -> None:
+        self.carriers, self.page, self.quantity, self.margin = carriers, page, quantity, margin
+
+    def samples(self) -> tuple[np.ndarray, np.ndarray]:
+        """(N, 3) points and (N,) polygons at which irradiance is wanted."""
+        page = self.page
+        chosen = [self.carriers[m] for m in page.members]
+        known = [c.triangle_polygon >= 0 for c in chosen]
+        flat = np.concatenate([uv[c.triangle[k]] for c, uv, k in zip(chosen, page.uv, known, strict=True)])
+        solid = np.concatenate([c.corner_position[c.triangle[k]] for c, k in zip(chosen, known, strict=True)])
+        polygon = np.concatenate([c.triangle_polygon[k] for c, k in zip(chosen, known, strict=True)])
+        edge, other = flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]
+        wide = np.abs(edge[:, 0] * other[:, 1] - edge[:, 1] * other[:, 0]) > 1e-12
+        flat, solid, polygon = flat[wide], solid[wide], polygon[wide]
+        found = cover_texels(flat, page.width, page.height)
+        self._index, self._polygon = found.index, polygon[found.triangle]
+        return np.einsum("ni,nij->nj", found.weight, solid[found.triangle]), self._polygon
+
+    def finish(self, irradiance: np.ndarray, scene: Scene) -> np.ndarray:
+        """(H, W, 4) float32 image, row 0 at the bottom, alpha 1."""
+        light = np.maximum(irradiance, 0.0)
+        color = stored_quantity(self.quantity, light, scene.reflectance[self._polygon], scene.emission[self._polygon])
+        image = np.zeros((self.page.height * self.page.width, 4), np.float32)
+        image[:, 3] = 1.0
+        image[self._index, :3] = color
+        filled = np.zeros(len(image), bool)
+        filled[self._index] = True
+        image = image.reshape(self.page.height, self.page.width, 4)
+        fill_margin(image, filled.reshape(self.page.height, self.page.width), self.margin)
+        return image
+
+
+def evaluate(items: Sequence[CornerItem | PageItem], light: Light, scene: Scene) -> Generator[float, None, list[np.ndarray]]:
+    """Ask for the light of all items in blocks of points; yields the finished fraction, returns the values of each item."""
+    values: list[np.ndarray] = []
+    waiting: list[tuple[CornerItem | PageItem, int]] = []
+    points: list[np.ndarray] = []
+    polygons: list[np.ndarray] = []
+    for number, item in enumerate(items):
+        at, polygon = item.samples()
+        waiting.append((item, len(at)))
+        points.append(at)
+        polygons.append(polygon)
+        if sum(count for _, count in waiting) < BLOCK and number + 1 < len(items):
+            continue
+        at, polygon = np.concatenate(points), np.concatenate(polygons)
+        received = np.zeros((len(at), 3))
+        for begin in range(0, len(at), BLOCK):
+            block = slice(begin, begin + BLOCK)
+            received[block] = light.irradiance(at[block], polygon[block])
+            done = min(1.0, (begin + BLOCK) / max(len(at), 1))
+            yield (number + 1 - len(waiting) * (1.0 - done)) / len(items)
+        first = 0
+        for one, count in waiting:
+            values.append(one.finish(received[first : first + count], scene))
+            first += count
+        waiting, points, polygons = [], [], []
+    return values
