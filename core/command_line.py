@@ -140,7 +140,7 @@ def _write(result: Path, arrays: dict[str, np.ndarray], report: Path | None, fig
         with _part(result, parts).open("wb") as stream:
             np.savez_compressed(stream, **arrays)
         if report is not None:
-            _part(report, parts).write_text(json.dumps(figures, indent=2, default=_plain) + "\n", encoding="utf-8")
+            _part(report, parts).write_text(json.dumps(_plain(figures), indent=2, allow_nan=False) + "\n", encoding="utf-8")
         for part, path in parts:
             os.replace(part, path)
     except OSError as error:
@@ -157,8 +157,14 @@ def _part(path: Path, parts: list[tuple[Path, Path]]) -> Path:
 
 
 def _plain(value: Any) -> Any:
-    """NumPy numbers and arrays as JSON knows them."""
-    return value.tolist()
+    """Figures as JSON knows them: NumPy numbers and arrays as plain ones, null for what is not finite."""
+    if isinstance(value, dict):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def _sentence(error: BaseException) -> str:

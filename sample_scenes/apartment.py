@@ -24,7 +24,7 @@ LIVING, KITCHEN, HALL, BEDROOM, BATH, STUDY = range(6)
 PLASTER = Material("Plaster", (0.76, 0.73, 0.68))
 CEILING = Material("Ceiling white", (0.82, 0.82, 0.8))
 TERRACOTTA = Material("Terracotta paint", (0.62, 0.17, 0.08))
-DUSTY_BLUE = Material("Dusty blue paint", (0.16, 0.27, 0.5))
+DUSTY_BLUE = Material("Dusty blue paint", (0.09, 0.19, 0.5))
 FOREST = Material("Forest green paint", (0.1, 0.3, 0.14))
 OCHRE = Material("Ochre paint", (0.72, 0.45, 0.1))
 OAK = Material("Oak floor", (0.46, 0.29, 0.16))
@@ -51,11 +51,11 @@ BOOKS = [
     Material("Book black", (0.06, 0.06, 0.07)),
     Material("Book orange", (0.75, 0.3, 0.05)),
 ]
-WARM = Material("Lamp warm", (0.6, 0.6, 0.6), (105.0, 72.0, 40.0))
+WARM = Material("Lamp warm", (0.6, 0.6, 0.6), (96.0, 74.0, 48.0))
 BEDSIDE = Material("Lamp bedside", (0.6, 0.6, 0.6), (150.0, 92.0, 44.0))
 NEUTRAL = Material("Lamp neutral", (0.6, 0.6, 0.6), (80.0, 72.0, 60.0))
 COOL = Material("Lamp cool", (0.6, 0.6, 0.6), (72.0, 80.0, 84.0))
-DIM = Material("Lamp hall", (0.6, 0.6, 0.6), (120.0, 96.0, 66.0))
+DIM = Material("Lamp hall", (0.6, 0.6, 0.6), (150.0, 124.0, 90.0))
 
 
 def model(seed: int = 1) -> Model:
@@ -72,10 +72,10 @@ def model(seed: int = 1) -> Model:
     doors = [
         Door("Living room to kitchen", (LIVING, KITCHEN), "east", (1.3, 3.1), (0.0, 2.2), PALE_WOOD),
         Door("Living room to hall", (LIVING, HALL), "north", (2.2, 3.3), (0.0, 2.1), PALE_WOOD),
-        Door("Kitchen to hall", (KITCHEN, HALL), "north", (9.3, 10.3), (0.0, 2.1), PALE_WOOD),
+        Door("Kitchen to hall", (KITCHEN, HALL), "north", (9.2, 10.4), (0.0, 2.1), PALE_WOOD),
         Door("Hall to bedroom", (HALL, BEDROOM), "north", (2.3, 3.2), (0.0, 2.1), PALE_WOOD),
         Door("Hall to bathroom", (HALL, BATH), "north", (5.6, 6.4), (0.0, 2.1), PALE_WOOD),
-        Door("Hall to study", (HALL, STUDY), "north", (9.2, 10.4), (0.0, 2.1), PALE_WOOD),
+        Door("Hall to study", (HALL, STUDY), "north", (8.9, 10.7), (0.0, 2.2), PALE_WOOD),
     ]
     windows = [
         Window(LIVING, "west", (1.4, 3.4), (0.8, 2.2), 0.12, PANE, WHITE),
@@ -185,7 +185,7 @@ def main() -> None:
     from .write import View, command
 
     # High in the south: the camera looks over the south walls and through the ceilings.
-    view = View(eye=(8.6, -7.6, 20.5), target=(5.95, 4.65, 0.0), lens=50.0, size=(1600, 1200), exposure=0.3)
+    view = View(eye=(7.7, -7.2, 20.5), target=(5.5, 4.9, 0.6), lens=49.0, size=(1600, 1200), exposure=-0.2)
     command(model, view, cell=0.2, description=__doc__)
 
 

@@ -105,6 +105,13 @@ def test_writes_light_and_report(solver, tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["r.json", "r.npz"]
 
 
+def test_report_is_strict_json(solver, tmp_path, monkeypatch):
+    """A bound may be infinite, where all light is reflected; JSON has no such number."""
+    monkeypatch.setattr(Solution, "report", {**REPORT, "residual_bound": np.float64(np.inf)})
+    assert run(FURNACE, "--out", tmp_path / "r.npz", "--report", tmp_path / "r.json")[0] == 0
+    assert json.loads((tmp_path / "r.json").read_text(), parse_constant=pytest.fail)["residual_bound"] is None
+
+
 def test_summary_shows_the_figures_of_the_report(solver, tmp_path):
     _, out, _ = run(FURNACE, "--out", tmp_path / "r.npz")
     for text in (
