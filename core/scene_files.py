@@ -85,10 +85,10 @@ def save_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
 
 def _load_npz(path: Path) -> Scene:
     try:
-        archive = np.load(path, allow_pickle=False)
-        if isinstance(archive, np.ndarray):  # a bare .npy file under the wrong name
-            raise ValueError("it holds one bare array")
-        with archive:
+        with path.open("rb") as stream:
+            archive = np.load(stream, allow_pickle=False)
+            if isinstance(archive, np.ndarray):  # a bare .npy file under the wrong name
+                raise ValueError("it holds one bare array")
             arrays = {key: archive[key] for key in archive.files}
     except _READ_ERRORS as error:
         raise SceneError(f"{path}: the file is damaged or not an .npz archive ({_first_line(error)})") from error

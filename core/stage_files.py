@@ -37,7 +37,7 @@ def save_stage(result: object, path: str | os.PathLike[str]) -> None:
 def load_stage(cls: type[Stage], path: str | os.PathLike[str]) -> Stage:
     """Read back what :func:`save_stage` wrote. Raises :class:`StageError` when the file is missing, damaged or of another stage."""
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             arrays = {key: archive[key] for key in archive.files}
     except (OSError, ValueError, TypeError, AttributeError, KeyError, EOFError, MemoryError, zipfile.BadZipFile, zlib.error) as error:
         raise StageError(f"{path}: the saved result cannot be read ({type(error).__name__}); delete it and run again") from error
