@@ -57,7 +57,9 @@ class Building:
         members, owner = ragged(self.clusters.start[clusters], np.diff(self.clusters.start)[clusters])
         return self.clusters.members[members], owner
 
-    def blockers_of(self, regions: np.ndarray) -> Blockers:
-        """The blockers that stand for ``regions`` (n,)."""
+    def blockers_between(self, nearby: np.ndarray, low: np.ndarray, high: np.ndarray) -> Blockers:
+        """The blockers of the clusters ``nearby`` (n,) that meet the box low..high (3,): all that a segment in the box can hit."""
+        inside = self.regions_of(nearby)[0]
+        meets = (self.regions.box_min[inside] <= high).all(1) & (self.regions.box_max[inside] >= low).all(1)
         start = self.regions.piece_start
-        return self.blockers.take(ragged(start[regions], np.diff(start)[regions])[0])
+        return self.blockers.take(ragged(start[inside[meets]], np.diff(start)[inside[meets]])[0])

@@ -15,7 +15,7 @@ from . import transport
 from .building import Building
 from .coverage import measure
 from .grouping import ragged, starts_of
-from .occlusion import Bodies, Shafts, blocked
+from .occlusion import Bodies, Shafts, cut_segments
 from .parallel import ordered_map
 from .regions import Regions
 
@@ -132,7 +132,9 @@ def _light(building, luminaires, lamps, nearby, index, points, region) -> Direct
 def _visible_share(building, luminaires, lamps, nearby, points, normal, pair_point, pair_lamp):
     """(n,) share of the light of a lamp that reaches a point past all blockers, and the number of segment tests."""
     regions, source = building.regions, luminaires.region[lamps]
-    blockers = building.blockers_of(building.regions_of(nearby)[0])
+    low = np.minimum(points.min(0), regions.box_min[source].min(0))
+    high = np.maximum(points.max(0), regions.box_max[source].max(0))
+    blockers = building.blockers_between(nearby, low, high)
     half = 0.5 * regions.size[source]
     centre = regions.world(source, half)
     zero = np.zeros_like(points)
@@ -151,7 +153,7 @@ def _visible_share(building, luminaires, lamps, nearby, points, normal, pair_poi
     doubtful = pair[partly]
     place = np.cumsum(np.r_[0, np.diff(pair) != 0])
     start, samples = points[pair_point[doubtful]], luminaires.samples[lamps[pair_lamp[doubtful]]]
-    free = ~blocked(blockers, place, blocker, start[:, None], samples)[:, 0]
+    free = ~cut_segments(blockers, place, blocker, start[:, None], samples).hidden[:, 0]
     weight = luminaires.shares[lamps[pair_lamp[doubtful]]]
     weight = (
         weight

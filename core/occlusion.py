@@ -93,6 +93,11 @@ class Shafts:
     def __init__(self, bodies: Bodies, blockers: Blockers):
         self.words = max(1, -(-len(blockers) // 64))
         self._count = len(blockers)
+        self._centre = np.ascontiguousarray(bodies.centre.T)
+        self._radius = np.sqrt((bodies.half_u**2).sum(1) + (bodies.half_v**2).sum(1))
+        middle = 0.5 * (blockers.corners.min(1) + blockers.corners.max(1))
+        self._middle = np.ascontiguousarray(middle.T)
+        self._reach = np.linalg.norm(blockers.corners - middle[:, None], axis=2).max(1, initial=0)
         eps = np.float32(blockers.clearance)
         both = []  # a blocker is out when the bit is set for both bodies
         for axis in AXES:
@@ -130,58 +135,111 @@ class Shafts:
             left = ~out & valid
             some = np.flatnonzero(left.any(1))
             pair, blocker = np.nonzero(np.unpackbits(left[some].view(np.uint8), axis=1))
-            pairs.append(some[pair] + start)
-            found.append(blocker)
+            pair = some[pair]
+            near = self._near_axis(i, j, pair, blocker)
+            pairs.append(pair[near] + start)
+            found.append(blocker[near])
         return (np.concatenate(pairs), np.concatenate(found)) if pairs else (np.zeros(0, np.int64), np.zeros(0, np.int64))
 
 
-def blocked(blockers: Blockers, pair: np.ndarray, blocker: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Which segments between the points of two sets some blocker cuts.
+    def _near_axis(self, a: np.ndarray, b: np.ndarray, pair: np.ndarray, blocker: np.ndarray) -> np.ndarray:
+        """Rows (r,) whose blocker's ball meets the hull of the balls of both bodies, a cone about the line of their centres.
+
+        With slope k = (rb - ra) / L the nearest ball of the cone lies h sqrt(1 - k**2) - r(foot) away from a point at
+        height h over the line; where one ball holds the other (k >= 1) every row stays.
+        """
+        axis = self._centre[:, b] - self._centre[:, a]
+        length = np.sqrt((axis * axis).sum(0))
+        ra = self._radius[a]
+        slope = (self._radius[b] - ra) / np.maximum(length, 1e-12)
+        axis /= np.maximum(length, 1e-12)
+        shrink = np.sqrt(np.maximum(1 - slope * slope, 0))
+        shrink *= 1 - np.float32(1e-4)  # room for the rounding of what follows
+        along = height2 = np.float32(0)
+        base = self._centre[:, a]
+        for k in range(3):
+            offset = self._middle[k][blocker]
+            offset -= base[k][pair]
+            along = along + offset * axis[k][pair]
+            offset *= offset
+            height2 = height2 + offset
+        height2 -= along * along
+        along *= slope[pair]
+        along += ra[pair]
+        along += self._reach[blocker]
+        return np.flatnonzero(np.sqrt(np.maximum(height2, 0)) * shrink[pair] <= along)
+
+
+@dataclass(frozen=True)
+class Cuts:
+    """Which segments between two sets of points of n pairs are cut.
+
+    hidden : (n, i, j) bool, some blocker cuts the segment
+    alone : (n,) bool, one blocker cuts all segments of the pair: being convex it hides everything between the points too
+    """
+
+    hidden: np.ndarray
+    alone: np.ndarray
+
+
+def cut_segments(blockers: Blockers, pair: np.ndarray, blocker: np.ndarray, a: np.ndarray, b: np.ndarray) -> Cuts:
+    """Test the segments between the points of two sets against blockers.
 
     pair, blocker : (r,) rows, ``pair`` sorted;  a : (n, i, 3), b : (n, j, 3) float32 points of each pair
-    Returns (n, i, j) bool. A segment that ends on the plane of a blocker is not cut by it.
+    A segment that ends on the plane of a blocker is not cut by it.
     """
     n, i, j = len(a), a.shape[1], b.shape[1]
-    out = np.zeros((n, i, j), bool)
+    cuts = Cuts(np.zeros((n, i, j), bool), np.zeros(n, bool))
+    flat = cuts.hidden.reshape(n, i * j)
     # The blockers of both kinds are tested apart: their insides are different inequalities.
     for kind in (False, True):
         rows = np.flatnonzero(blockers.triangle[blocker] == kind)
-        if not len(rows):
-            continue
         step = max(1, _BLOCK // (i * j))
-        bounds = np.append(np.arange(0, len(rows), step), len(rows))
-        for start, stop in zip(bounds[:-1], bounds[1:], strict=True):
-            here = rows[start:stop]
+        for start in range(0, len(rows), step):
+            here = rows[start : start + step]
             p, k = pair[here], blocker[here]
-            cut = _cut(blockers, k, a[p], b[p], kind)
+            cut = _cut(blockers, k, a[p], b[p], kind).reshape(i * j, len(here))
             first = np.flatnonzero(np.r_[True, p[1:] != p[:-1]])
-            out[p[first]] |= np.logical_or.reduceat(cut, first, axis=0)
-    return out
+            flat[p[first]] |= np.logical_or.reduceat(cut, first, axis=1).T
+            cuts.alone[p[first]] |= np.logical_or.reduceat(cut.all(0), first)
+    return cuts
 
 
 def _cut(blockers: Blockers, k: np.ndarray, a: np.ndarray, b: np.ndarray, triangle: bool) -> np.ndarray:
-    """(r, i, j) bool: segment from point i to point j of a row meets the row's blocker. Division-free."""
-    frame = np.stack([blockers.normal[k], blockers.dual_x[k], blockers.dual_y[k]], axis=2)  # (r, 3, 3)
-    offset = blockers.offset[k][:, None]
-    ha, xa, ya = np.moveaxis(a @ frame - offset, 2, 0)
-    hb, xb, yb = np.moveaxis(b @ frame - offset, 2, 0)
+    """(i, j, r) bool: segment from point i to point j of a row meets the row's blocker. Division-free.
+
+    Rows run fastest in every array: NumPy's inner loops are as long as the block, not as short as a set of points.
+    """
+    a, b = (np.ascontiguousarray(x.transpose(2, 1, 0)) for x in (a, b))
+    ha, hb = (_along(blockers.normal, blockers.offset[:, 0], k, x) for x in (a, b))
     eps = np.float32(blockers.clearance)
-    ha, hb = np.where(np.abs(ha) <= eps, np.float32(0), ha)[:, :, None], np.where(np.abs(hb) <= eps, np.float32(0), hb)[:, None]
+    ha[np.abs(ha) <= eps] = 0
+    hb[np.abs(hb) <= eps] = 0
+    ha, hb = ha[:, None], hb[None]
     span = ha - hb
-    x = ha * xb[:, None]
-    x -= hb * xa[:, :, None]
-    y = ha * yb[:, None]
-    y -= hb * ya[:, :, None]
-    crosses = (ha * hb) < 0
+    hit = (ha * hb) < 0
+    inside = []
+    for axis, dual in ((1, blockers.dual_x), (2, blockers.dual_y)):
+        xa, xb = (_along(dual, blockers.offset[:, axis], k, x) for x in (a, b))
+        x = ha * xb[None]
+        x -= hb * xa[:, None]
+        inside.append(x)
     if triangle:
         sign = np.sign(span)
-        x *= sign
-        y *= sign
-        span *= sign
-        return crosses & (x >= 0) & (y >= 0) & (x + y <= span)
+        x, y = (z * sign for z in inside)
+        return hit & (x >= 0) & (y >= 0) & (x + y <= np.abs(span))
     np.abs(span, out=span)
-    np.abs(x, out=x)
-    np.abs(y, out=y)
-    crosses &= x <= span
-    crosses &= y <= span
-    return crosses
+    for x in inside:
+        np.abs(x, out=x)
+        hit &= x <= span
+    return hit
+
+
+def _along(direction: np.ndarray, offset: np.ndarray, k: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(i, r) coordinate of points (3, i, r) along a direction of blockers k (r,)."""
+    d = np.ascontiguousarray(direction[k].T)
+    out = points[0] * d[0]
+    out += points[1] * d[1]
+    out += points[2] * d[2]
+    out -= offset[k]
+    return out

@@ -16,8 +16,9 @@ import numpy as np
 from . import transport
 from .building import Building
 from .elements import Forest
+from .grouping import ragged
 from .links import LinkSet, joined
-from .occlusion import Blockers, Bodies, Shafts, blocked
+from .occlusion import Blockers, Bodies, Cuts, Shafts, cut_segments
 from .parallel import ordered_map
 
 # Relative errors of one exchange, in the mean square over the receiver, for elements of radius r at distance d: the second
@@ -57,9 +58,9 @@ class Linking:
 
 @dataclass(frozen=True)
 class _Block:
-    """Pairs of elements whose first region lies in the clusters of one group, with the blockers that can part them."""
+    """Pairs of elements of one start: a group of clusters and a room that it sees, which share the blockers between them."""
 
-    group: int
+    start: int
     a: np.ndarray
     b: np.ndarray
 
@@ -78,16 +79,16 @@ def link(building: Building, forest: Forest, estimate: Estimate, min_size: float
 
     min_size : metres, elements are not split below it
     """
-    groups = _cluster_groups(building)
-    blockers = [building.blockers_of(building.regions_of(building.surroundings(g))[0]) for g in groups]
+    starts = [start for group in _cluster_groups(building) for start in _first_pairs(building, group)]
+    blockers = [building.blockers_between(nearby, *_hull(building, np.concatenate([a, b]))) for nearby, a, b in starts]
     exitance = estimate.exitance
-    blocks = [block for k, g in enumerate(groups) for block in _blocks_of(k, *_first_pairs(building, g))]
+    blocks = [block for k, (_, a, b) in enumerate(starts) for block in _blocks_of(k, a, b)]
     links, dropped, tests, rounds = [], 0.0, 0, 0
     while blocks:
         total, done, outcomes = len(blocks), 0, []
 
         def treat(block: _Block, exitance=exitance) -> _Outcome:
-            return _treat(forest, blockers[block.group], exitance, estimate.tolerance, min_size, block)
+            return _treat(forest, blockers[block.start], exitance, estimate.tolerance, min_size, block)
 
         for outcome in ordered_map(treat, blocks, workers):
             outcomes.append(outcome)
@@ -102,7 +103,7 @@ def link(building: Building, forest: Forest, estimate: Estimate, min_size: float
         known = len(exitance)
         exitance = np.concatenate([exitance, np.zeros(len(forest) - known)])
         exitance[known:] = exitance[forest.parent[known:]]
-        blocks = [child for block, o in zip(blocks, outcomes, strict=True) for child in _blocks_of(block.group, *_children(forest, o))]
+        blocks = [child for block, o in zip(blocks, outcomes, strict=True) for child in _blocks_of(block.start, *_children(forest, o))]
     yield Linking(links, dropped, tests)
 
 
@@ -120,22 +121,33 @@ def _cluster_groups(building: Building) -> list[np.ndarray]:
     return np.split(order, cut[1:])
 
 
-def _first_pairs(building: Building, group: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Root elements (equal to regions) of every pair of regions whose clusters see each other, once: first cluster in ``group``."""
-    pairs = []
+def _first_pairs(building: Building, group: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Clusters in the PVS of ``group`` and root elements (equal to regions) of pairs of regions, for each room that the group sees.
+
+    Every pair of regions whose clusters see each other comes once in all groups: where its lesser cluster is in the group.
+    """
+    own, other = [], []
     for cluster in group:
         near = building.graph.neighbours(int(cluster))
-        own = building.regions_of(np.array([cluster]))[0]
-        other = building.regions_of(near[near > cluster])[0]
-        i, j = np.triu_indices(len(own), 1)
-        pairs.append((np.repeat(own, len(other)), np.tile(other, len(own))))
-        pairs.append((own[i], own[j]))
-    a, b = (np.concatenate(side) for side in zip(*pairs, strict=True))
-    return a.astype(np.int32), b.astype(np.int32)
+        mine = building.regions_of(np.array([cluster]))[0]
+        theirs = building.regions_of(near[near > cluster])[0]
+        i, j = np.triu_indices(len(mine), 1)
+        own += [np.repeat(mine, len(theirs)), mine[i]]
+        other += [np.tile(theirs, len(mine)), mine[j]]
+    a, b = np.concatenate(own).astype(np.int32), np.concatenate(other).astype(np.int32)
+    room = building.regions.room[b]
+    order = np.argsort(room, kind="stable")
+    cuts = np.flatnonzero(np.diff(room[order])) + 1
+    nearby = building.surroundings(group)
+    return [(nearby, a[rows], b[rows]) for rows in np.split(order, cuts) if len(rows)]
 
 
-def _blocks_of(group: int, a: np.ndarray, b: np.ndarray) -> list[_Block]:
-    return [_Block(group, a[k : k + BLOCK_PAIRS], b[k : k + BLOCK_PAIRS]) for k in range(0, len(a), BLOCK_PAIRS)]
+def _hull(building: Building, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return building.regions.box_min[ends].min(0), building.regions.box_max[ends].max(0)
+
+
+def _blocks_of(start: int, a: np.ndarray, b: np.ndarray) -> list[_Block]:
+    return [_Block(start, a[k : k + BLOCK_PAIRS], b[k : k + BLOCK_PAIRS]) for k in range(0, len(a), BLOCK_PAIRS)]
 
 
 def _children(forest: Forest, outcome: _Outcome) -> tuple[np.ndarray, np.ndarray]:
@@ -201,10 +213,11 @@ def _treat(forest: Forest, blockers: Blockers, exitance: np.ndarray, tolerance: 
             rows = keep[local]
             nodes_a = _nodes(forest, elements[ia[rows]], side_a)
             nodes_b = _nodes(forest, elements[ib[rows]], side_b)
-            hidden, count = _hidden(blockers, first, blocker, local, nodes_a, nodes_b)
+            cuts, count = _cuts(blockers, first, blocker, local, nodes_a, nodes_b)
             tests += count
+            hidden = cuts.hidden
             seen = 1 - hidden.mean((1, 2), dtype=np.float32)
-            spread = np.sqrt(np.maximum(seen * (1 - seen), 0))
+            spread = _spread(hidden, cuts.alone, doubtful[rows])
             bad = (np.maximum(gain_a[rows], gain_b[rows]) * PARTLY_SEEN * spread > 1) & (splittable[ia[rows]] | splittable[ib[rows]])
             partial[rows[bad]] = True
             good = np.flatnonzero(~bad & (seen > 0))
@@ -216,6 +229,17 @@ def _treat(forest: Forest, blockers: Blockers, exitance: np.ndarray, tolerance: 
     larger_a = np.where(splittable[ia] & splittable[ib], radius[ia] >= radius[ib], splittable[ia])
     at_a, at_b = np.flatnonzero(refine & larger_a), np.flatnonzero(refine & ~larger_a)
     return _Outcome(links, (elements[ia[at_a]], elements[ib[at_a]]), (elements[ia[at_b]], elements[ib[at_b]]), dropped, tests)
+
+
+def _spread(hidden: np.ndarray, alone: np.ndarray, doubtful: np.ndarray) -> np.ndarray:
+    """(n,) standard deviation of the visibility of a segment between two elements, of which samples (n, i, j) are known.
+
+    Samples that agree prove nothing while a blocker may stand between them: half a sample is taken to disagree. A pair
+    without candidates, and one that a single blocker hides, are certain.
+    """
+    count = hidden.shape[1] * hidden.shape[2]
+    share = (hidden.sum((1, 2)) + 0.5) / (count + 1)
+    return np.where(doubtful & ~alone, np.sqrt(share * (1 - share)), 0.0)
 
 
 def _face_each_other(bodies: Bodies, ia: np.ndarray, ib: np.ndarray, clearance: float) -> np.ndarray:
@@ -250,17 +274,16 @@ def _nodes(forest: Forest, elements: np.ndarray, one: bool) -> np.ndarray:
     return forest.centroids(elements)[:, None] if one else forest.nodes[elements]
 
 
-def _hidden(blockers, first, blocker, local, nodes_a, nodes_b):
-    """(n, i, j) bool: which segments between the nodes of the pairs ``local`` (indices into ``first``) are cut."""
+def _cuts(blockers, first, blocker, local, nodes_a, nodes_b) -> tuple[Cuts, int]:
+    """Cuts of the segments between the nodes of the pairs ``local`` (indices into ``first``), and the tests that they took."""
     count = first[local + 1] - first[local]
     some = np.flatnonzero(count)
-    hidden = np.zeros((len(local), nodes_a.shape[1], nodes_b.shape[1]), bool)
+    cuts = Cuts(np.zeros((len(local), nodes_a.shape[1], nodes_b.shape[1]), bool), np.zeros(len(local), bool))
     if len(some):
-        owner = np.repeat(np.arange(len(some)), count[some])
-        inner = np.arange(len(owner)) - np.repeat(np.cumsum(count[some]) - count[some], count[some])
-        rows = blocker[first[local[some]][owner] + inner]
-        hidden[some] = blocked(blockers, owner, rows, nodes_a[some], nodes_b[some])
-    return hidden, int(count.sum()) * nodes_a.shape[1] * nodes_b.shape[1]
+        rows, owner = ragged(first[local[some]], count[some])
+        found = cut_segments(blockers, owner, blocker[rows], nodes_a[some], nodes_b[some])
+        cuts.hidden[some], cuts.alone[some] = found.hidden, found.alone
+    return cuts, int(count.sum()) * nodes_a.shape[1] * nodes_b.shape[1]
 
 
 def _links(forest, elements, bodies, radius, ia, ib, distance, nodes_a, nodes_b, seen) -> list[LinkSet]:
