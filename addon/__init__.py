@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Blender side: it reads the scene into arrays, hands them to the core and writes the light back."""
+
+from __future__ import annotations
+
+from . import command_line, operators, panel, properties
+
+MODULES = (properties, operators, panel, command_line)
+"""In the order of their registration: panels draw what the properties hold."""
+
+
+def register() -> None:
+    """Make the properties, operators, panels and the command known to Blender."""
+    for module in MODULES:
+        module.register()
+
+
+def unregister() -> None:
+    """Take everything back, in the opposite order."""
+    for module in reversed(MODULES):
+        module.unregister()

@@ -1,0 +1,315 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A bake in three phases: :func:`read` (Blender to arrays), :func:`work` (arrays only, may run in a thread), :func:`write`.
+
+Until :func:`write` nothing in the file is changed, so a bake may be left at any time before.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import Counter
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..core.bake_values import Carrier, CornerItem, FineCarrier, Page, PageItem, evaluate, plan_page, refined
+from ..core.options import BakeOptions, Options
+from ..core.scene import Scene, SceneError
+from . import bake_texture, bake_vertex, fine_mesh, materials
+from .clear import clear
+from .extract import Extraction, Receiver, extract
+from .membership import everything_evaluated
+from .mesh_arrays import bulk
+from .properties import read_options
+
+SOLVE_SHARE = 0.9
+"""Part of the progress bar that the solver takes; the rest is for asking it at corners and texels."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What was read: the scene of the solver, the objects that will carry light, all options and warnings."""
+
+    scene_name: str
+    extraction: Extraction
+    receivers: tuple[Receiver, ...]
+    options: Options
+    bake: BakeOptions
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Baked:
+    """What was computed. Receiver k carries ``colors[k]``, or in the pages that have it as a member its texture.
+
+    report : the figures of the solver;  fine : subdivided carriers, or None for each;  colors : (C, 4) or (V, 4) float32
+    pages, page_names, images : textures, (H, W, 4) float32
+    """
+
+    report: dict[str, Any]
+    fine: tuple[FineCarrier | None, ...]
+    colors: tuple[np.ndarray, ...] = ()
+    pages: tuple[Page, ...] = ()
+    page_names: tuple[str, ...] = ()
+    images: tuple[np.ndarray, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Written:
+    """What was written: names of objects that carry the light, of images, and what the user should know."""
+
+    objects: tuple[str, ...]
+    images: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Step:
+    """Progress of a bake: ``fraction`` 0..1 of the whole."""
+
+    stage: str
+    fraction: float
+    message: str
+
+
+def settings(scene: bpy.types.Scene) -> tuple[Options, BakeOptions]:
+    """The options saved in a scene. Raises OptionError when one is out of its range."""
+    scale = scene.unit_settings.scale_length
+    return read_options(scene.enfilade.solve, Options, scale), read_options(scene.enfilade.bake, BakeOptions, scale)
+
+
+def read(context: bpy.types.Context, options: Options, bake: BakeOptions) -> Reading:
+    """Read the scene of a context; changes nothing. Raises SceneError with one sentence for what cannot be baked."""
+    if bake.target == "texture" and bake.image_folder:
+        _check_folder(bake.image_folder)
+    extraction = extract(context)
+    warnings = list(extraction.warnings)
+    receivers = []
+    for receiver in extraction.receivers:
+        if not receiver.in_place and bake.subdivide == 0.0:
+            warnings.append(
+                f"object '{receiver.name}' carries no light because its modifiers ({receiver.modified_by}) change its faces: "
+                "apply them, or set subdivide to bake a copy"
+            )
+            continue
+        _check_names(local_object(receiver.name), bake)
+        receivers.append(receiver)
+    if not receivers:
+        raise SceneError("no object can carry the light: " + (warnings[-1] if warnings else "the scene has no mesh objects of its own"))
+    return Reading(context.scene.name, extraction, tuple(receivers), options, bake, tuple(warnings))
+
+
+def local_object(name: str) -> bpy.types.Object | None:
+    """The object of this name that is not linked from a library."""
+    thing = bpy.data.objects.get(name)
+    return thing if thing is None or thing.library is None else bpy.data.objects.get((name, None))
+
+
+def _check_folder(folder: str) -> None:
+    if not os.path.isdir(folder):
+        raise SceneError(f"the image folder '{folder}' does not exist: create it or choose another")
+    if not os.access(folder, os.W_OK):
+        raise SceneError(f"the image folder '{folder}' cannot be written to: choose another")
+
+
+def _check_names(thing: bpy.types.Object, bake: BakeOptions) -> None:
+    """Raise SceneError where the user's own data has the name that the bake wants, or leaves no room for it."""
+    mesh = thing.data
+    if bake.target == "vertex":
+        if bake.name in mesh.attributes and bake.name != mesh.enfilade.attribute:
+            raise SceneError(f"object '{thing.name}' has an attribute '{bake.name}' of its own: choose another name for the bake")
+        return
+    name = bake_texture.uv_name(bake.name)
+    if name in mesh.attributes and name != mesh.enfilade.uv_map:
+        raise SceneError(f"object '{thing.name}' has an attribute '{name}' of its own: choose another name for the bake")
+    if len(mesh.uv_layers) - bool(mesh.enfilade.uv_map) >= 8:
+        raise SceneError(f"object '{thing.name}' has eight UV maps, which is the most there can be: remove one")
+
+
+def work(reading: Reading, run: Callable[[Scene, Options], Generator] | None = None) -> Generator[Step, None, Baked]:
+    """Solve and evaluate; touches no Blender data. ``run`` is the solver, ``core.pipeline.run`` unless told otherwise.
+
+    Raises SceneError for what only the solver finds; closing the generator cancels.
+    """
+    if run is None:
+        from ..core.pipeline import run
+    scene, bake = reading.extraction.scene, reading.bake
+    coarse = [_carrier(receiver) for receiver in reading.receivers]
+    fine = tuple(refined(c, bake.subdivide) if bake.subdivide > 0.0 else None for c in coarse)
+    carriers = [c if f is None else f.carrier for c, f in zip(coarse, fine, strict=True)]
+    pages, names, warnings = _plan(reading, carriers) if bake.target == "texture" else ((), (), [])
+
+    solver = run(scene, reading.options)
+    try:
+        while True:
+            progress = next(solver)
+            yield Step(progress.stage, SOLVE_SHARE * progress.fraction, progress.message)
+    except StopIteration as end:
+        solution = end.value
+    finally:
+        solver.close()
+
+    if pages:
+        items = [PageItem(carriers, page, bake.quantity, bake.margin) for page in pages]
+    else:
+        items = [CornerItem(carrier, bake.quantity, bake.domain) for carrier in carriers]
+    place = "texels" if pages else "corners"
+    started = time.perf_counter()
+    evaluation = evaluate(items, solution, scene)
+    try:
+        while True:
+            yield Step("bake", SOLVE_SHARE + (1.0 - SOLVE_SHARE) * next(evaluation), f"light at the {place}")
+    except StopIteration as end:
+        values = tuple(end.value)
+    seconds = {**solution.report.get("seconds", {})}
+    seconds["evaluate"] = time.perf_counter() - started
+    seconds["total"] = sum(v for name, v in seconds.items() if name != "total")
+    report = {**solution.report, "seconds": seconds}
+    if pages:
+        return Baked(report, fine, pages=pages, page_names=names, images=values, warnings=tuple(warnings))
+    return Baked(report, fine, colors=values)
+
+
+def _carrier(receiver: Receiver) -> Carrier:
+    mesh = receiver.mesh
+    return Carrier(mesh.position, mesh.corner_vertex, mesh.face_start, mesh.sharp, mesh.triangle, receiver.triangle_polygon)
+
+
+def _plan(reading: Reading, carriers: list[Carrier]) -> tuple[tuple[Page, ...], tuple[str, ...], list[str]]:
+    bake, room_names = reading.bake, reading.extraction.scene.room_names
+    if bake.atlas == "room":
+        rooms = sorted({receiver.room for receiver in reading.receivers})
+        groups = [(room_names[r], [k for k, receiver in enumerate(reading.receivers) if receiver.room == r]) for r in rooms]
+    else:
+        groups = [(receiver.name, [k]) for k, receiver in enumerate(reading.receivers)]
+    pages = tuple(plan_page(carriers, members, bake.texel_density, bake.margin, bake.max_resolution, name) for name, members in groups)
+    warnings = [
+        f"the lightmap of '{name}' takes {page.density:.3g} texels per metre to fit into {bake.max_resolution} x {bake.max_resolution}"
+        for (name, _), page in zip(groups, pages, strict=True)
+        if page.density < bake.texel_density
+    ]
+    return pages, tuple(f"{bake.name} {name}" for name, _ in groups), warnings
+
+
+def solve_all(reading: Reading, progress: Callable[[Step], None] | None = None, run: Callable | None = None) -> Baked:
+    """Run :func:`work` to its end."""
+    steps = work(reading, run)
+    while True:
+        try:
+            step = next(steps)
+        except StopIteration as end:
+            return end.value
+        if progress is not None:
+            progress(step)
+
+
+def write(context: bpy.types.Context, reading: Reading, baked: Baked) -> Written:
+    """Put the light onto the meshes, in place of an earlier bake.
+
+    Objects that were deleted, are in edit mode or have other faces than when they were read are left alone, with a
+    warning. Raises SceneError when none is left.
+    """
+    scene = bpy.data.scenes.get(reading.scene_name)
+    if scene is None:
+        raise SceneError(f"the scene '{reading.scene_name}' was deleted during the bake")
+    warnings = [*reading.warnings, *baked.warnings]
+    fit = [_unchanged(receiver, warnings) for receiver in reading.receivers]
+    if not any(fit):
+        raise SceneError("no object is as it was when the bake began: bake again")
+    warnings += clear(scene)
+    targets = _targets(context, scene, reading, baked, fit)
+    if baked.pages:
+        images = _write_textures(reading, baked, targets)
+    else:
+        images = {}
+        for thing, color in zip(targets, baked.colors, strict=True):
+            if thing is not None:
+                bake_vertex.write_colors(thing.data, reading.bake.name, reading.bake.domain, color)
+    if reading.bake.material:
+        show_materials(reading, [t.name if t is not None else None for t in targets], images)
+    return Written(tuple(t.name for t in targets if t is not None), tuple(dict.fromkeys(images.values())), tuple(warnings))
+
+
+def _unchanged(receiver: Receiver, warnings: list[str]) -> bool:
+    thing = local_object(receiver.name)
+    if thing is None or thing.type != "MESH":
+        warnings.append(f"object '{receiver.name}' was deleted or renamed during the bake: it carries no light")
+    elif thing.mode != "OBJECT":
+        warnings.append(f"object '{receiver.name}' is not in object mode: it carries no light")
+    elif receiver.in_place and not np.array_equal(bulk(thing.data.loops, "vertex_index", np.int32), receiver.mesh.corner_vertex):
+        warnings.append(f"the faces of object '{receiver.name}' were changed during the bake: it carries no light")
+    else:
+        return True
+    return False
+
+
+def _targets(context, scene, reading: Reading, baked: Baked, fit: list[bool]) -> list[bpy.types.Object | None]:
+    """The objects that get the light: the receivers themselves, with meshes of their own, or subdivided copies."""
+    users = Counter(o.data for o in bpy.data.objects if o.type == "MESH")
+    targets: list[bpy.types.Object | None] = []
+    if any(fine is not None for fine in baked.fine):
+        with everything_evaluated(scene, context.view_layer):
+            depsgraph = context.evaluated_depsgraph_get()
+            for receiver, fine, good in zip(reading.receivers, baked.fine, fit, strict=True):
+                thing = local_object(receiver.name)
+                made = fine_mesh.make_mesh(thing, depsgraph, fine, receiver.mesh.triangle) if good else None
+                targets.append((thing, made))
+        return [fine_mesh.make_copy(scene, *pair) if pair[1] is not None else None for pair in targets]
+    for receiver, good in zip(reading.receivers, fit, strict=True):
+        thing = local_object(receiver.name) if good else None
+        if thing is not None and (users[thing.data] > 1 or thing.data.library is not None):
+            shared = thing.data
+            thing.enfilade.own_mesh_of = shared
+            thing.data = shared.copy()
+            thing.data.name = f"{shared.name} (bake)"
+            thing.data.enfilade.made = True
+        targets.append(thing)
+    return targets
+
+
+def _write_textures(reading: Reading, baked: Baked, targets: list[bpy.types.Object | None]) -> dict[str, str]:
+    """Images and UV maps; returns the image of every object by their names."""
+    bake, shown = reading.bake, {}
+    for page, name, pixels in zip(baked.pages, baked.page_names, baked.images, strict=True):
+        if all(targets[m] is None for m in page.members):
+            continue
+        image = bake_texture.write_image(name, pixels, bake.image_format, bake.image_folder)
+        for member, uv in zip(page.members, page.uv, strict=True):
+            if targets[member] is not None:
+                bake_texture.write_uv(targets[member].data, bake_texture.uv_name(bake.name), (uv + 0.5) / (page.width, page.height))
+                shown[targets[member].name] = image.name
+    return shown
+
+
+def show_materials(reading: Reading, targets: list[str | None], images: dict[str, str], open_backs: bool = False) -> None:
+    """Give all targets materials that show their bake."""
+    made: dict = {}
+    for name in targets:
+        thing = bpy.data.objects[name] if name is not None else None
+        if thing is None:
+            continue
+        tags = thing.data.enfilade
+        source = {"image": images[name], "uv_map": tags.uv_map} if name in images else {"attribute": tags.attribute}
+        materials.show(thing, materials.Display(reading.bake.quantity, open_backs=open_backs, **source), made)
+
+
+def summary_line(reading: Reading, baked: Baked, written: Written) -> str:
+    """One line about a finished bake."""
+    report, scene = baked.report, reading.extraction.scene
+    seconds = report.get("seconds", {}).get("total")
+    rooms = scene.room_count
+    parts = [
+        f"{rooms} room{'s' if rooms != 1 else ''}",
+        f"{scene.polygon_count} polygons",
+        f"{len(written.objects)} objects" if len(written.objects) != 1 else "1 object",
+    ]
+    if "unshot_fraction" in report:
+        parts.append(f"{100 * float(report['unshot_fraction']):.2g} % of the light unshot")
+    if seconds is not None:
+        parts.append(f"{seconds:.1f} s")
+    return ", ".join(parts)

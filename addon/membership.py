@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which objects take part, and which rooms and portals the collections say.
+
+An object takes part when it is visible to renders: neither it nor every collection on the way to it is disabled in
+renders or excluded from the view layer. What is hidden in the viewport only takes part all the same. Portals count
+whether or not they are rendered.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import bpy
+
+from ..core.scene import SceneError
+
+ROOMS, PORTALS = "Rooms", "Portals"
+"""Collections of these names are taken where the user has chosen none."""
+
+
+@dataclass(frozen=True)
+class Membership:
+    """room_names : the R rooms; rooms : for every object that takes part, its rooms in ascending order; portals : their objects
+
+    left_out : names of meshes that are in no room; collections : the rooms' collections, empty when the scene is one room
+    """
+
+    room_names: tuple[str, ...]
+    rooms: dict[bpy.types.Object, tuple[int, ...]]
+    portals: tuple[bpy.types.Object, ...]
+    left_out: tuple[str, ...]
+    collections: tuple[bpy.types.Collection, ...]
+
+
+def chosen_collections(scene: bpy.types.Scene) -> tuple[bpy.types.Collection | None, bpy.types.Collection | None]:
+    """The collections of rooms and of portals: those that are chosen, or those called Rooms and Portals in this scene."""
+    settings = scene.enfilade
+    own = {child.name: child for child in scene.collection.children_recursive}
+    return settings.rooms or own.get(ROOMS), settings.portals or own.get(PORTALS)
+
+
+def membership(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> Membership:
+    """Sort the objects of a view layer into rooms and portals.
+
+    Raises SceneError for a rooms collection without rooms and a room without anything to see.
+    """
+    rooms, portals = chosen_collections(scene)
+    rendered = rendered_objects(view_layer)
+    openings = tuple(o for o in portals.all_objects if o.type == "MESH") if portals is not None else ()
+    solid = [o for o in rendered if o not in set(openings)]
+    if rooms is None:
+        if not any(_has_surface(o) for o in solid):
+            raise SceneError("the scene has no mesh that is visible in renders: there is nothing to bake")
+        return Membership((scene.name,), {o: (0,) for o in solid}, openings, (), ())
+    children = tuple(c for c in rooms.children if c != portals)
+    if not children:
+        if not any(_has_surface(o) for o in rooms.all_objects):
+            raise SceneError(f"the rooms collection '{rooms.name}' is empty: put a collection for every room into it")
+        children = (rooms,)
+    places: dict[bpy.types.Object, list[int]] = {o: [] for o in solid}
+    for number, child in enumerate(children):
+        inside = [o for o in child.all_objects if o in places]
+        if not any(_has_surface(o) for o in inside):
+            raise SceneError(
+                f"the room collection '{child.name}' has no mesh that is visible in renders: add one or take the collection out"
+            )
+        for thing in inside:
+            places[thing].append(number)
+    # What lies in the rooms collection itself belongs to every room: each face goes to the one that it looks into.
+    for thing in rooms.objects if children != (rooms,) else ():
+        if thing in places and not places[thing]:
+            places[thing] = list(range(len(children)))
+    left_out = tuple(sorted(o.name for o, numbers in places.items() if not numbers and _has_surface(o)))
+    members = {o: tuple(sorted(set(numbers))) for o, numbers in places.items() if numbers}
+    return Membership(tuple(c.name for c in children), members, openings, left_out, children)
+
+
+def rendered_objects(view_layer: bpy.types.ViewLayer) -> list[bpy.types.Object]:
+    """The objects that take part, in the order of the collections.
+
+    Subdivided copies that a bake made do not, and what they stand for does although the bake hid it.
+    """
+    found: dict[bpy.types.Object, None] = {}
+    for layer in _layers(view_layer.layer_collection):
+        for thing in layer.collection.objects:
+            if thing.enfilade.carries is None and (not thing.hide_render or thing.enfilade.hidden):
+                found.setdefault(thing)
+    return list(found)
+
+
+def lamps(view_layer: bpy.types.ViewLayer) -> list[str]:
+    """Names of the lamps that are visible in renders."""
+    return sorted(o.name for o in rendered_objects(view_layer) if o.type == "LIGHT")
+
+
+@contextmanager
+def everything_evaluated(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> Iterator[None]:
+    """Within, nothing is hidden in the viewport, so that Blender evaluates all that takes part; afterwards all is as before."""
+    layers = [(layer, layer.hide_viewport) for layer in _layers(view_layer.layer_collection) if layer.hide_viewport]
+    collections = [c for c in scene.collection.children_recursive if c.hide_viewport]
+    disabled = [o for o in view_layer.objects if o.hide_viewport]
+    try:
+        for layer, _ in layers:
+            layer.hide_viewport = False
+        for collection in collections:
+            collection.hide_viewport = False
+        for thing in disabled:
+            thing.hide_viewport = False
+        # Only now are objects of collections that were disabled in the layer.
+        hidden = [o for o in view_layer.objects if o.hide_get(view_layer=view_layer)]
+        disabled += [o for o in view_layer.objects if o.hide_viewport]
+        for thing in hidden:
+            thing.hide_set(False, view_layer=view_layer)
+        for thing in disabled:
+            thing.hide_viewport = False
+        view_layer.update()
+        try:
+            yield
+        finally:
+            for thing in hidden:
+                thing.hide_set(True, view_layer=view_layer)
+    finally:
+        for thing in disabled:
+            thing.hide_viewport = True
+        for collection in collections:
+            collection.hide_viewport = True
+        for layer, state in layers:
+            layer.hide_viewport = state
+        view_layer.update()
+
+
+def _layers(layer: bpy.types.LayerCollection) -> Iterator[bpy.types.LayerCollection]:
+    if layer.exclude or layer.collection.hide_render:
+        return
+    yield layer
+    for child in layer.children:
+        yield from _layers(child)
+
+
+def _has_surface(thing: bpy.types.Object) -> bool:
+    return thing.type in ("MESH", "CURVE", "SURFACE", "META", "FONT") or thing.instance_type != "NONE"

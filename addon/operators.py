@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The buttons: bake, cancel, clear, show."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..core.options import OptionError
+from ..core.scene import SceneError
+from . import job, viewport
+from .clear import clear, has_bake
+from .worker import Worker
+
+REFUSALS = (SceneError, OptionError, MemoryError, OSError)
+"""What is wrong with the input or the machine, said in one sentence; everything else is a defect and keeps its traceback."""
+
+POLL_SECONDS = 0.05
+
+_running: ENFILADE_OT_bake | None = None
+
+
+def progress() -> job.Step | None:
+    """The state of the bake that runs in this window, None when there is none."""
+    return _running.step if _running is not None else None
+
+
+class ENFILADE_OT_bake(bpy.types.Operator):
+    """Compute the light between all surfaces and write it onto the meshes"""
+
+    bl_idname = "enfilade.bake"
+    bl_label = "Bake"
+    bl_options = {"REGISTER", "UNDO"}
+
+    show: bpy.props.BoolProperty(
+        name="Show", description="Show the light in the viewports when it is done", default=True, options={"SKIP_SAVE"}
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if _running is not None:
+            cls.poll_message_set("A bake is running")
+            return False
+        if context.mode != "OBJECT":
+            cls.poll_message_set("Switch to object mode first")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Straight through, for scripts: errors are raised by Blender as RuntimeError."""
+        try:
+            reading = job.read(context, *job.settings(context.scene))
+            baked = job.solve_all(reading)
+            self._write(context, reading, baked)
+        except REFUSALS as error:
+            return self._refuse(error)
+        return {"FINISHED"}
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """With a window: in a thread, with progress, until it is done or ESC is pressed."""
+        global _running
+        if bpy.app.background:
+            return self.execute(context)
+        try:
+            self._reading = job.read(context, *job.settings(context.scene))
+        except REFUSALS as error:
+            return self._refuse(error)
+        self.step = job.Step("start", 0.0, "")
+        self.cancelled = False
+        self._worker = Worker(job.work(self._reading))
+        self._timer = context.window_manager.event_timer_add(POLL_SECONDS, window=context.window)
+        context.window_manager.progress_begin(0, 100)
+        context.window_manager.modal_handler_add(self)
+        _running = self
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if event.type == "ESC" and event.value == "PRESS":
+            self.cancelled = True
+        elif event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        if self.cancelled:
+            self._finish(context)
+            self.report({"INFO"}, "Bake cancelled, nothing was changed")
+            return {"CANCELLED"}
+        if not self._worker.done:
+            self._show_progress(context)
+            return {"PASS_THROUGH"}
+        self._finish(context)
+        try:
+            if self._worker.error is not None:
+                raise self._worker.error
+            self._write(context, self._reading, self._worker.result)
+        except REFUSALS as error:
+            return self._refuse(error)
+        return {"FINISHED"}
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Called by Blender when the file or the window is closed during a bake."""
+        self._finish(context)
+
+    def _show_progress(self, context: bpy.types.Context) -> None:
+        step = self._worker.latest
+        if step is None or step == self.step:
+            return
+        self.step = step
+        context.window_manager.progress_update(100 * step.fraction)
+        context.workspace.status_text_set(f"Enfilade  {100 * step.fraction:.0f} %  {step.stage}: {step.message}   |   ESC cancels")
+        _redraw(context)
+
+    def _finish(self, context: bpy.types.Context) -> None:
+        """What every way out of a modal bake does."""
+        global _running
+        _running = None
+        self._worker.cancel()
+        context.window_manager.event_timer_remove(self._timer)
+        context.window_manager.progress_end()
+        if context.workspace is not None:
+            context.workspace.status_text_set(None)
+        _redraw(context)
+
+    def _refuse(self, error: BaseException) -> set[str]:
+        self.report({"ERROR"}, _sentence(error))
+        return {"CANCELLED"}
+
+    def _write(self, context: bpy.types.Context, reading: job.Reading, baked: job.Baked) -> None:
+        written = job.write(context, reading, baked)
+        for warning in written.warnings:
+            self.report({"WARNING"}, _capital(warning))
+        line = job.summary_line(reading, baked, written)
+        bpy.data.scenes[reading.scene_name].enfilade.summary = line
+        textured = reading.bake.target == "texture"
+        if self.show and not bpy.app.background and (reading.bake.material or not textured):
+            viewport.restore(context)
+            viewport.show(context, textured)
+        self.report({"INFO"}, f"Baked {line}")
+
+
+class ENFILADE_OT_cancel(bpy.types.Operator):
+    """Stop the bake; nothing is changed"""
+
+    bl_idname = "enfilade.cancel"
+    bl_label = "Cancel"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if _running is None:
+            cls.poll_message_set("No bake is running")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        _running.cancelled = True
+        return {"FINISHED"}
+
+
+class ENFILADE_OT_clear(bpy.types.Operator):
+    """Remove what bakes have made: colour attributes, lightmaps, their materials, images and copies"""
+
+    bl_idname = "enfilade.clear"
+    bl_label = "Clear Bake"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if _running is not None:
+            cls.poll_message_set("A bake is running")
+            return False
+        if context.mode != "OBJECT":
+            cls.poll_message_set("Switch to object mode first")
+            return False
+        if not has_bake(context.scene):
+            cls.poll_message_set("There is no bake in this scene")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        for kept in clear(context.scene):
+            self.report({"WARNING"}, _capital(kept))
+        if viewport.shown(context.window_manager):
+            viewport.restore(context)
+        return {"FINISHED"}
+
+
+class ENFILADE_OT_show_bake(bpy.types.Operator):
+    """Show the bake in the viewports, or give them their own shading back"""
+
+    bl_idname = "enfilade.show_bake"
+    bl_label = "Show Bake"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not has_bake(context.scene) and not viewport.shown(context.window_manager):
+            cls.poll_message_set("There is no bake in this scene")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if viewport.shown(context.window_manager):
+            viewport.restore(context)
+        else:
+            viewport.show(context, context.scene.enfilade.bake.target == "texture")
+        return {"FINISHED"}
+
+
+def _redraw(context: bpy.types.Context) -> None:
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type in ("PROPERTIES", "VIEW_3D", "STATUSBAR"):
+                area.tag_redraw()
+
+
+def _sentence(error: BaseException) -> str:
+    if isinstance(error, MemoryError):
+        return "There is not enough memory for this bake: take a lower quality or a smaller part of the building"
+    return _capital(str(error))
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+_CLASSES = (ENFILADE_OT_bake, ENFILADE_OT_cancel, ENFILADE_OT_clear, ENFILADE_OT_show_bake)
+
+
+def register() -> None:
+    bpy.types.WindowManager.enfilade_shading = bpy.props.StringProperty(options={"HIDDEN", "SKIP_SAVE"})
+    for cls in _CLASSES:
+        bpy.utils.register_class(cls)
+
+
+def unregister() -> None:
+    for cls in reversed(_CLASSES):
+        bpy.utils.unregister_class(cls)
+    del bpy.types.WindowManager.enfilade_shading

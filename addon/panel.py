@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panels: render properties, the sidebar of the 3D viewport, and the rooms of a portal in the object properties."""
+
+from __future__ import annotations
+
+import bpy
+
+from . import operators, viewport
+from .membership import chosen_collections
+
+
+def _draw_bake(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """The button, or while it works how far it is."""
+    step = operators.progress()
+    if step is None:
+        row = layout.row()
+        row.scale_y = 1.6
+        row.operator("enfilade.bake", icon="LIGHT_AREA")
+        return
+    row = layout.row(align=True)
+    row.scale_y = 1.6
+    row.progress(factor=step.fraction, text=f"{step.stage.capitalize()}  {100 * step.fraction:.0f} %")
+    row.operator("enfilade.cancel", text="", icon="X")
+
+
+def _draw_after(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    row = layout.row(align=True)
+    row.operator("enfilade.show_bake", icon="HIDE_OFF", depress=viewport.shown(context.window_manager), text="Show Bake")
+    row.operator("enfilade.clear", icon="TRASH", text="Clear")
+    if context.scene.enfilade.summary:
+        column = layout.column(align=True)
+        column.active = False
+        for part in _lines(context.scene.enfilade.summary):
+            column.label(text=part)
+
+
+def _lines(summary: str) -> list[str]:
+    parts = summary.split(", ")
+    return [", ".join(parts[:3]), ", ".join(parts[3:])] if len(parts) > 3 else [summary]
+
+
+class _RenderPanel:
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "render"
+
+
+class ENFILADE_PT_render(_RenderPanel, bpy.types.Panel):
+    """Bakes the light of a building."""
+
+    bl_label = "Enfilade"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        _draw_bake(layout, context)
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        column = layout.column()
+        column.active = operators.progress() is None
+        column.prop(context.scene.enfilade.solve, "quality")
+        column.prop(context.scene.enfilade.bake, "target", expand=True)
+        _draw_after(layout, context)
+
+
+class _SubPanel(_RenderPanel):
+    bl_parent_id = "ENFILADE_PT_render"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def start(self) -> bpy.types.UILayout:
+        self.layout.use_property_split = True
+        self.layout.use_property_decorate = False
+        column = self.layout.column()
+        column.active = operators.progress() is None
+        return column
+
+
+class ENFILADE_PT_rooms(_SubPanel, bpy.types.Panel):
+    """Which collections are rooms and portals."""
+
+    bl_label = "Rooms and Portals"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        column = self.start()
+        settings = context.scene.enfilade
+        rooms, portals = chosen_collections(context.scene)
+        column.prop(settings, "rooms")
+        column.prop(settings, "portals")
+        note = column.column(align=True)
+        note.active = False
+        if rooms is None:
+            note.label(text="The whole scene is one room", icon="INFO")
+            return
+        count = len([c for c in rooms.children if c != portals]) or 1
+        faces = sum(len(o.data.polygons) for o in portals.all_objects if o.type == "MESH") if portals is not None else 0
+        chosen = "" if settings.rooms is not None else f" in '{rooms.name}'"
+        note.label(text=f"{count} room{'s' * (count != 1)}{chosen}, {faces} portal{'s' * (faces != 1)}", icon="INFO")
+
+
+class ENFILADE_PT_output(_SubPanel, bpy.types.Panel):
+    """Where the light goes."""
+
+    bl_label = "Output"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        column = self.start()
+        bake = context.scene.enfilade.bake
+        column.prop(bake, "quantity")
+        column.prop(bake, "bake_name")
+        column.separator()
+        if bake.target == "vertex":
+            column.prop(bake, "domain")
+        else:
+            for name in ("atlas", "texel_density", "max_resolution", "margin", "image_format", "image_folder"):
+                column.prop(bake, name)
+        column.separator()
+        column.prop(bake, "material")
+        column.prop(bake, "subdivide")
+
+
+class ENFILADE_PT_solver(_SubPanel, bpy.types.Panel):
+    """How the light is computed."""
+
+    bl_label = "Solver"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        column = self.start()
+        solve = context.scene.enfilade.solve
+        for group in (
+            ("order", "min_element_size", "max_iterations"),
+            ("average", "distance", "large_polygon"),
+            ("emitters", "ordering"),
+            ("memory", "store", "threads", "seed"),
+        ):
+            for name in group:
+                column.prop(solve, name)
+            column.separator()
+
+
+class ENFILADE_PT_sidebar(bpy.types.Panel):
+    """The few things that one needs at hand."""
+
+    bl_label = "Enfilade"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Enfilade"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        _draw_bake(layout, context)
+        column = layout.column()
+        column.active = operators.progress() is None
+        column.row().prop(context.scene.enfilade.solve, "quality", expand=True)
+        _draw_after(layout, context)
+
+
+class ENFILADE_PT_portal(bpy.types.Panel):
+    """The rooms of a portal."""
+
+    bl_label = "Enfilade Portal"
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "object"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        portals = chosen_collections(context.scene)[1]
+        return context.object is not None and portals is not None and portals.all_objects.get(context.object.name) is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        tags = context.object.enfilade
+        layout.prop(tags, "by_hand")
+        column = layout.column()
+        column.active = tags.by_hand
+        column.prop(tags, "behind")
+        column.prop(tags, "in_front")
+
+
+_CLASSES = (ENFILADE_PT_render, ENFILADE_PT_rooms, ENFILADE_PT_output, ENFILADE_PT_solver, ENFILADE_PT_sidebar, ENFILADE_PT_portal)
+
+
+def register() -> None:
+    for cls in _CLASSES:
+        bpy.utils.register_class(cls)
+
+
+def unregister() -> None:
+    for cls in reversed(_CLASSES):
+        bpy.utils.unregister_class(cls)
