@@ -77,9 +77,9 @@ def _load(path: Path, err: TextIO) -> tuple[Scene, float]:
     from .scene_files import load_scene
 
     started = time.perf_counter()
-    scene, warnings = check(load_scene(path))
-    for warning in warnings:
-        err.write(f"warning: {warning}\n")
+    scene, findings = check(load_scene(path))
+    for finding in findings:
+        err.write(f"warning: {finding.message}\n")
     return scene, time.perf_counter() - started
 
 

@@ -207,3 +207,13 @@ def test_failure_in_the_run_leaves_old_results(solver, tmp_path, failure, code):
     assert run(FURNACE, "--out", old)[0] == code
     assert old.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [old]
+
+
+def test_what_is_mended_is_said(solver, tmp_path):
+    with np.load(FURNACE) as file:
+        arrays = dict(file)
+    arrays["polys"][3] = arrays["polys"][3, 0]
+    np.savez(tmp_path / "odd.npz", **arrays)
+    code, _, err = run(tmp_path / "odd.npz", "--out", tmp_path / "r.npz")
+    assert code == 0
+    assert [line for line in err.splitlines() if line.startswith("warning: ")][0].count("no area") == 1
