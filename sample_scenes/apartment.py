@@ -185,7 +185,7 @@ def main() -> None:
     from .write import View, command
 
     # High in the south: the camera looks over the south walls and through the ceilings.
-    view = View(eye=(7.7, -7.2, 20.5), target=(5.5, 4.9, 0.6), lens=49.0, size=(1600, 1200), exposure=-0.2)
+    view = View(eye=(7.7, -7.2, 20.5), target=(5.6, 4.9, 0.6), lens=50.0, size=(1280, 960), exposure=-0.2)
     command(model, view, cell=0.2, description=__doc__)
 
 

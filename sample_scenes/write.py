@@ -174,9 +174,6 @@ def camera(scene, view: View) -> None:
     scene.view_settings.view_transform = "AgX"
     scene.view_settings.look = "AgX - Medium High Contrast"
     scene.view_settings.exposure = view.exposure
-    # Behind the building: dark, and black to the light of a path tracer, since a room is lit by its lamps alone.
-    scene.world = bpy.data.worlds.new("Night")
-    scene.world.color = (0.006, 0.007, 0.01)
 
 
 def save(path: Path) -> None:
