@@ -64,6 +64,9 @@ def _display_material(original, display: Display, made) -> bpy.types.Material:
     if material.node_tree is None or (bpy.app.version < (5, 0) and not material.use_nodes):
         material.use_nodes = True
     _build(material, original, display)
+    if hasattr(material, "cycles"):
+        # What shows a bake is no lamp: Cycles need not search its light.
+        material.cycles.emission_sampling = "NONE"
     made[key] = material
     return material
 

@@ -15,8 +15,8 @@ from mathutils import Vector
 
 from . import job, materials
 
-SAMPLES = 32
-"""Nothing is left to chance but the edges of the pixels: few samples make a clean picture."""
+SAMPLES = 24
+"""Most samples of a pixel; nothing is left to chance but where edges run through it, and only there all of them are taken."""
 
 SIZE = (1280, 960)
 """Of a picture whose view was chosen here."""
@@ -71,7 +71,8 @@ def _set_up(scene: bpy.types.Scene, own_view: bool) -> None:
         addon_utils.enable("cycles")
     render.engine = "CYCLES"
     cycles = scene.cycles
-    cycles.device, cycles.samples, cycles.use_denoising, cycles.use_adaptive_sampling = "CPU", SAMPLES, False, False
+    cycles.device, cycles.samples, cycles.use_denoising = "CPU", SAMPLES, False
+    cycles.use_adaptive_sampling, cycles.adaptive_threshold, cycles.adaptive_min_samples = True, 0.05, 6
     cycles.max_bounces, cycles.transparent_max_bounces = 0, 64
     render.use_border = render.use_compositing = render.use_sequencer = False
     if hasattr(render.image_settings, "media_type"):
@@ -116,7 +117,10 @@ _CHANGED = {
     ),
     "render.image_settings": ("media_type", "file_format", "color_mode", "color_depth"),
     "view_settings": ("view_transform", "look", "exposure"),
-    "cycles": ("device", "samples", "use_denoising", "use_adaptive_sampling", "max_bounces", "transparent_max_bounces"),
+    "cycles": (
+        *("device", "samples", "use_denoising", "use_adaptive_sampling", "adaptive_threshold", "adaptive_min_samples"),
+        *("max_bounces", "transparent_max_bounces"),
+    ),
 }
 """All that a render here changes, by the place in the scene; each place is looked up anew, for references go stale."""
 

@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from .charts import Layout, cover_texels, fill_margin, make_charts, pack
+from .charts import Layout, coplanar_faces, cover_texels, fill_margin, make_charts, pack
 from .corners import average_groups, corner_angles, corner_faces, linked_corners, next_corner
 from .photometry import stored_quantity
 from .scene import Scene, SceneError
@@ -104,27 +104,44 @@ class CornerItem:
         self.carrier, self.quantity, self.domain = carrier, quantity, domain
 
     def samples(self) -> tuple[np.ndarray, np.ndarray]:
-        """(N, 3) points and (N,) polygons at which irradiance is wanted."""
-        corner = self.carrier.triangle.reshape(-1).astype(np.int64)
-        polygon = np.repeat(self.carrier.triangle_polygon, 3).astype(np.int64)
-        known = polygon >= 0
-        stride = int(polygon.max(initial=0)) + 1
-        pair = np.unique(corner[known] * stride + polygon[known])
-        self._corner, self._polygon = np.divmod(pair, stride)
-        return self.carrier.corner_position[self._corner], self._polygon
+        """(N, 3) points and (N,) polygons at which irradiance is wanted: one for coplanar faces around a vertex."""
+        mesh = self.carrier
+        corner = mesh.triangle.reshape(-1).astype(np.int64)
+        polygon = np.repeat(mesh.triangle_polygon, 3).astype(np.int64)
+        known = np.flatnonzero(polygon >= 0)
+        plane = coplanar_faces(mesh.position, mesh.corner_vertex, mesh.face_start)[corner_faces(mesh.face_start)]
+        # A bent face is several polygons: a corner that two of them share is asked for in both.
+        bent = self._bent(corner[known], polygon[known])
+        self._group = linked_corners(mesh.position, mesh.corner_vertex, mesh.face_start, mesh.sharp)
+        place = plane[corner[known]] * len(mesh.corner_vertex) + self._group[corner[known]]
+        places = np.unique(place, return_inverse=True)[1].reshape(-1)
+        key = np.where(bent, len(known) + np.arange(len(known)), places)
+        _, first, sample = np.unique(key, return_index=True, return_inverse=True)
+        pair = np.unique(np.stack([corner[known], sample.reshape(-1)], axis=1), axis=0)
+        self._corner, self._sample = pair[:, 0], pair[:, 1]
+        self._polygon = np.full(len(mesh.corner_vertex), -1)
+        self._polygon[corner[known][::-1]] = polygon[known][::-1]
+        return mesh.corner_position[corner[known][first]], polygon[known][first]
+
+    def _bent(self, corner: np.ndarray, polygon: np.ndarray) -> np.ndarray:
+        """(N,) bool: the face of each corner is more than one polygon."""
+        face = corner_faces(self.carrier.face_start)[corner]
+        count = len(self.carrier.face_start) - 1
+        low, high = np.full(count, np.iinfo(np.int64).max), np.full(count, -1)
+        np.minimum.at(low, face, polygon)
+        np.maximum.at(high, face, polygon)
+        return (low != high)[face]
 
     def finish(self, irradiance: np.ndarray, scene: Scene) -> np.ndarray:
         """(C, 4) or, per vertex, (V, 4) float32 colours with alpha 1."""
         mesh = self.carrier
         count = len(mesh.corner_vertex)
         number = np.bincount(self._corner, minlength=count)
-        light = np.stack([np.bincount(self._corner, channel, count) for channel in irradiance.T], axis=1)
+        light = np.stack([np.bincount(self._corner, channel, count) for channel in irradiance[self._sample].T], axis=1)
         light /= np.maximum(number, 1)[:, None]
         weight = np.where(number > 0, corner_angles(mesh.position, mesh.corner_vertex, mesh.face_start), 0.0)
-        group = linked_corners(mesh.position, mesh.corner_vertex, mesh.face_start, mesh.sharp)
-        light = np.maximum(average_groups(light, group, weight), 0.0)
-        polygon = np.full(count, -1)
-        polygon[self._corner[::-1]] = self._polygon[::-1]
+        light = np.maximum(average_groups(light, self._group, weight), 0.0)
+        polygon = self._polygon
         known = (polygon >= 0)[:, None]
         color = stored_quantity(
             self.quantity, light, np.where(known, scene.reflectance[polygon], 0.0), np.where(known, scene.emission[polygon], 0.0)

@@ -60,7 +60,7 @@ def make_charts(position: np.ndarray, corner_vertex: np.ndarray, face_start: np.
     vector = face_area_vectors(position, corner_vertex, face_start)
     area = np.linalg.norm(vector, axis=1)
     flat = area > 1e-14
-    group = _coplanar_groups(position, corner_vertex, face_start, vector, area, flat)
+    group = coplanar_faces(position, corner_vertex, face_start)
     group = _split_bent(position[corner_vertex], face, group, vector, flat, FLATNESS / density)
     chart = np.full(len(area), -1)
     chart[flat] = np.unique(group[flat], return_inverse=True)[1].reshape(-1)
@@ -87,9 +87,14 @@ def make_charts(position: np.ndarray, corner_vertex: np.ndarray, face_start: np.
     return Charts(chart, local, size)
 
 
-def _coplanar_groups(position, corner_vertex, face_start, vector, area, flat) -> np.ndarray:
-    """(F,) label of the set of faces that hang together over edges between almost parallel faces."""
+def coplanar_faces(position: np.ndarray, corner_vertex: np.ndarray, face_start: np.ndarray) -> np.ndarray:
+    """(F,) int64 label of the set of faces that hang together over edges between almost parallel faces.
+
+    A set may bend as a whole, but hardly from a face to the next.
+    """
     face, following = corner_faces(face_start), next_corner(face_start)
+    vector = face_area_vectors(position, corner_vertex, face_start)
+    area = np.linalg.norm(vector, axis=1)
     start, end = corner_vertex.astype(np.int64), corner_vertex[following].astype(np.int64)
     key = np.minimum(start, end) * len(position) + np.maximum(start, end)
     order = np.argsort(key, kind="stable")
@@ -97,7 +102,7 @@ def _coplanar_groups(position, corner_vertex, face_start, vector, area, flat) ->
     pairs = first[np.diff(first, append=len(key)) == 2]
     a, b = order[pairs], order[pairs + 1]
     normal = vector / np.maximum(area, 1e-300)[:, None]
-    even = (start[a] == end[b]) & flat[face[a]] & flat[face[b]]
+    even = (start[a] == end[b]) & (area[face[a]] > 1e-14) & (area[face[b]] > 1e-14)
     even &= np.einsum("ij,ij->i", normal[face[a]], normal[face[b]]) >= COPLANAR_COSINE
     return components(len(area), face[a[even]], face[b[even]])
 

@@ -75,7 +75,7 @@ def test_values_per_vertex_are_means():
 
 
 def test_materials_do_not_bleed_over_a_smooth_border():
-    position = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0]], float)
+    position = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0.1], [0, 1, 0], [1, 1, 0], [2, 1, 0.1]], float)
     mesh = Carrier(
         position, np.array([0, 1, 4, 3, 1, 2, 5, 4]), np.array([0, 4, 8]), np.zeros(8, bool),
         np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]), np.array([0, 0, 1, 1]),
@@ -83,7 +83,7 @@ def test_materials_do_not_bleed_over_a_smooth_border():
     where = scene(2)
     where.reflectance[1] = 0.25
     (color,), _ = run([CornerItem(mesh, "radiosity", "corner")], Ramp(1.0), where)
-    light = np.repeat((ramp(position, 0 * position[:, 0].astype(int))), 1, 0)
+    light = ramp(position, np.zeros(6, int))
     shared = light[1] + 0.5  # the mean of both sides
     assert color[1, :3] == pytest.approx(0.5 * shared / math.pi)
     assert color[4, :3] == pytest.approx(0.25 * shared / math.pi)
@@ -96,6 +96,33 @@ def test_faces_that_are_in_no_polygon_take_the_light_of_their_neighbours():
     (color,), _ = run([CornerItem(mesh, "lighting", "corner")], Ramp(), scene(6))
     assert not color[:4, :3].any()
     assert color[4:, :3].all()
+
+
+def test_coplanar_faces_ask_once_at_each_vertex():
+    n = 10
+    x, y = np.meshgrid(np.arange(n + 1.0), np.arange(n + 1.0), indexing="ij")
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
+    v = lambda a, b: a * (n + 1) + b  # noqa: E731
+    quads = np.stack([v(i, j), v(i + 1, j), v(i + 1, j + 1), v(i, j + 1)], 1)
+    first = np.arange(0, 4 * n * n, 4)[:, None]
+    triangle = np.concatenate([first + np.array([0, 1, 2]), first + np.array([0, 2, 3])])
+    position = np.stack([x, y, 0 * x], -1).reshape(-1, 3)
+    grid = Carrier(
+        position, quads.ravel(), np.arange(0, 4 * n * n + 1, 4), np.zeros(4 * n * n, bool), triangle, np.tile(np.arange(n * n), 2)
+    )
+    light = Ramp()
+    (color,), _ = run([CornerItem(grid, "lighting", "corner")], light, scene(n * n))
+    assert light.asked == (n + 1) ** 2
+    assert color[:, :3] == pytest.approx(ramp(grid.corner_position, np.zeros(4 * n * n, int)) / math.pi, rel=1e-6)
+
+
+def test_a_bent_face_takes_the_mean_of_its_triangles():
+    position = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0.3], [0, 1, 0]], float)
+    face = np.array([[0, 1, 2], [0, 2, 3]])
+    bent = Carrier(position, np.arange(4), np.array([0, 4]), np.zeros(4, bool), face, np.array([0, 1]))
+    (color,), _ = run([CornerItem(bent, "lighting", "corner")], Ramp(1.0), scene(2))
+    light = ramp(position, np.zeros(4, int)) + np.array([[0.5], [0.0], [0.5], [1.0]])
+    assert color[:, :3] == pytest.approx(light / math.pi, rel=1e-6)
 
 
 def test_many_items_are_asked_for_together_and_in_blocks(monkeypatch):
