@@ -1,7 +1,7 @@
 # make bake     set up .venv, bake the sample apartment, write out/ (a baked .blend, a picture, a summary)
 # make test     set up .venv and run the tests
 # make lint     style and format
-# make wheels   package and add-on tests in Blender 4.2, 4.5, 5.0 and 5.2
+# make wheels   package and add-on tests in Blender 4.2, 4.5 and 5.2 as well
 # make samples  remake the .blend files of sample_scenes/
 # make zip      the Blender extension, dist/enfilade-VERSION.zip
 #
@@ -18,7 +18,6 @@ PIP = $(RUN) -m pip --quiet --disable-pip-version-check install
 bake: $(VENV)/.bake
 	@mkdir -p out
 	@$(RUN) -m enfilade bake sample_scenes/apartment.blend --out out/apartment-baked.blend --picture out/apartment.png --report out/apartment.json
-	@for f in out/apartment-baked.blend out/apartment.png out/apartment.json; do echo "written: $$f"; done
 
 test: $(VENV)/.test
 	$(RUN) -m pytest

@@ -59,7 +59,10 @@ DIM = Material("Lamp hall", (0.6, 0.6, 0.6), (150.0, 124.0, 90.0))
 
 
 def model(seed: int = 1) -> Model:
-    """The apartment; ``seed`` orders the books and the leaves."""
+    """The apartment; ``seed`` orders the books and the leaves.
+
+    What stands at a wall ends just below a line of its 0.2 m grid: a corner hidden behind it would darken the wall above.
+    """
     rng = np.random.default_rng(seed)
     rooms = [
         Room("Living room", (0.0, 0.0), (6.4, 4.6), HEIGHT, PLASTER, OAK, CEILING, {"west": TERRACOTTA}),
@@ -100,8 +103,8 @@ def _living(rng: np.random.Generator) -> dict[str, list[Panel]]:
         "sofa": make.at(make.sofa(2.3, GREY_CLOTH, GREY_CLOTH), 2.4, 0.62, 180),
         "armchair": make.at(make.sofa(1.05, MUSTARD, MUSTARD), 0.9, 3.5, 35),
         "coffee table": make.at(make.table(1.1, 0.6, 0.38, WALNUT, STEEL), 2.4, 1.9),
-        "sideboard": make.at(make.cupboard(1.6, 0.42, 0.7, WALNUT, PALE_WOOD), 5.2, 4.36),
-        "bookshelf": make.at(make.bookshelf(1.3, 2.05, PALE_WOOD, BOOKS, rng), 1.3, 4.43),
+        "sideboard": make.at(make.cupboard(1.6, 0.42, 0.79, WALNUT, PALE_WOOD), 5.2, 4.36),
+        "bookshelf": make.at(make.bookshelf(1.3, 1.99, PALE_WOOD, BOOKS, rng), 1.3, 4.43),
         "plant": make.at(make.plant(CLAY, LEAF, rng), 5.95, 0.45),
         "floor lamp": make.at(make.floor_lamp(WARM, STEEL), 0.42, 0.5),
         "pendant": make.at(make.pendant(0.7, 0.7, 0.16, 1.95, WARM), 3.3, 2.2),
@@ -115,7 +118,7 @@ def _kitchen(rng: np.random.Generator) -> dict[str, list[Panel]]:
         chairs += make.at(make.chair(BLUE_CLOTH, STEEL), 8.3 + dx, 2.2 + dy, angle + float(rng.uniform(-12, 12)))
     return {
         "counter": make.at(make.cupboard(4.0, 0.6, 0.9, WHITE, WALNUT), x, 2.15, 90),
-        "fridge": make.at(make.cupboard(0.6, 0.6, 1.9, STEEL), 6.87, 4.27),
+        "fridge": make.at(make.cupboard(0.6, 0.6, 1.99, STEEL), 6.87, 4.27),
         "island": make.at(make.cupboard(1.5, 0.7, 0.9, FOREST, PALE_WOOD), 9.75, 0.62),
         "dining table": make.at(make.table(1.5, 0.9, 0.74, PALE_WOOD, WALNUT, 0.08), 8.3, 2.2),
         "chairs": chairs,
@@ -129,7 +132,7 @@ def _hall(rng: np.random.Generator) -> dict[str, list[Panel]]:
     return {
         "runner": _rug(1.2, 5.15, 10.6, 5.85, BLUE_CLOTH),
         "bench": make.at(make.table(1.2, 0.36, 0.45, PALE_WOOD, STEEL), 7.6, 5.0),
-        "cabinet": make.at(make.cupboard(1.0, 0.34, 1.05, OCHRE, WALNUT), 4.4, 6.07),
+        "cabinet": make.at(make.cupboard(1.0, 0.34, 0.99, OCHRE, WALNUT), 4.4, 6.07),
         "plant": make.at(make.plant(CLAY, LEAF, rng), 11.45, 5.9),
         "pendant west": make.at(make.pendant(0.3, 0.3, 0.3, 2.1, DIM), 2.75, 5.5),
         "pendant east": make.at(make.pendant(0.3, 0.3, 0.3, 2.05, DIM), 9.8, 5.5),
@@ -145,9 +148,9 @@ def _bedroom(rng: np.random.Generator) -> dict[str, list[Panel]]:
         "night table south": make.at(make.cupboard(0.42, 0.4, 0.48, WALNUT), 0.24, 7.1, 90),
         "lamp north": make.at(lamp, 0.24, 9.5),
         "lamp south": make.at(lamp, 0.24, 7.1),
-        "wardrobe": make.at(make.cupboard(2.0, 0.6, 2.1, WHITE), 4.58, 8.9, 90),
+        "wardrobe": make.at(make.cupboard(2.0, 0.6, 2.19, WHITE), 4.58, 8.9, 90),
         "pendant": make.at(make.pendant(0.5, 0.5, 0.14, 2.15, BEDSIDE), 3.0, 8.4),
-        "chest": make.at(make.cupboard(1.0, 0.42, 0.8, DUSTY_BLUE, PALE_WOOD), 4.1, 6.63),
+        "chest": make.at(make.cupboard(1.0, 0.42, 0.79, DUSTY_BLUE, PALE_WOOD), 4.1, 6.63),
     }
 
 
@@ -174,7 +177,7 @@ def _study(rng: np.random.Generator) -> dict[str, list[Panel]]:
         "rug": _rug(8.4, 7.3, 10.9, 9.1, OCHRE),
         "desk": make.at(make.table(1.7, 0.75, 0.74, PALE_WOOD, STEEL), 9.7, 9.65),
         "chair": make.at(make.chair(RED_CLOTH, STEEL), 9.8, 8.9, 160),
-        "bookshelf west": make.at(make.bookshelf(2.2, 2.1, WALNUT, BOOKS, rng), 7.86, 8.6, 90),
+        "bookshelf west": make.at(make.bookshelf(2.2, 2.19, WALNUT, BOOKS, rng), 7.86, 8.6, 90),
         "armchair": make.at(make.sofa(0.95, RED_CLOTH, RED_CLOTH), 11.15, 8.0, -75),
         "screen": box((9.35, 9.75, 0.78), (9.95, 9.79, 1.15), STEEL),
     }

@@ -216,4 +216,4 @@ def test_what_is_mended_is_said(solver, tmp_path):
     np.savez(tmp_path / "odd.npz", **arrays)
     code, _, err = run(tmp_path / "odd.npz", "--out", tmp_path / "r.npz")
     assert code == 0
-    assert [line for line in err.splitlines() if line.startswith("warning: ")][0].count("no area") == 1
+    assert next(line for line in err.splitlines() if line.startswith("warning: ")).count("no area") == 1

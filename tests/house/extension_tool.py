@@ -6,9 +6,13 @@ It is plain Python, so bpy itself is not imported and any wheel that is installe
 from __future__ import annotations
 
 import importlib.util
+import json
+import math
+import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -41,10 +45,34 @@ def build(folder: Path, source: Path = ROOT) -> Path:
     return max(folder.glob("*.zip"), key=lambda path: path.stat().st_mtime)
 
 
+def install_and_bake(package: Path, profile: Path, python: str = sys.executable) -> dict[str, Any]:
+    """Install a zip into the empty folder ``profile`` with the Blender of an interpreter and bake a lit box there."""
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | {"BLENDER_USER_RESOURCES": str(profile)}
+    command = [python, str(Path(__file__).with_name("install_and_bake.py")), str(package)]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=300, check=False)
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
+    return {**json.loads(next(line for line in done.stdout.splitlines() if line.startswith("{"))), "profile": str(profile)}
+
+
+def check_baked(baked: dict[str, Any]) -> None:
+    """What has to hold of a bake by the installed extension: every corner is lit, the lamp most, and the floor well."""
+    assert baked["installed"]
+    assert Path(baked["profile"]).resolve() in Path(baked["from"]).resolve().parents
+    assert baked["result"] == ["FINISHED"]
+    assert (baked["name"], baked["type"], baked["domain"]) == ("Enfilade", "FLOAT_COLOR", "CORNER")
+    assert all(math.isfinite(c) and c > 0 for color in baked["colors"] for c in color[:3])
+    floor, lamp = (
+        [baked["colors"][corner][k] for corner in baked["loops"][baked["normals_z"].index(up)] for k in range(3)] for up in (1, -1)
+    )
+    assert min(floor) > 0.05
+    assert max(floor) < min(lamp)
+    assert min(lamp) > 3.0
+
+
 if __name__ == "__main__":
     verb, place = sys.argv[1], Path(sys.argv[2])
     if verb == "build":
-        print(f"written: {build(place)}")
+        print(f"written: {build(place)}", flush=True)
     else:
         checked = validate(place)
         print(checked.stdout + checked.stderr, end="")

@@ -6,7 +6,6 @@ Run as ``python install_and_bake.py ENFILADE.zip`` with BLENDER_USER_RESOURCES s
 import json
 import sys
 
-import addon_utils
 import bpy
 import numpy as np
 
@@ -15,7 +14,7 @@ MODULE = "bl_ext.user_default.enfilade"
 
 def lit_box():
     """A closed grey box, 2 m wide, faces inward, whose ceiling shines."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.data.batch_remove(list(bpy.data.objects))
     corners = [(x, y, z) for x in (0, 2) for y in (0, 2) for z in (0, 2)]
     faces = [(0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 1), (4, 5, 7, 6)]
     mesh = bpy.data.meshes.new("Box")
@@ -37,6 +36,8 @@ def lit_box():
 
 
 def main():
+    import addon_utils  # Blender puts it on the path
+
     bpy.ops.extensions.package_install_files(filepath=sys.argv[1], repo="user_default", enable_on_install=True, overwrite=True)
     found, enabled = addon_utils.check(MODULE)
     box = lit_box()

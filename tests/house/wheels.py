@@ -1,7 +1,7 @@
-"""Run the tests of the package and of the add-on in every Blender that is supported, one environment for each.
+"""Run the tests of the package and of the add-on in the Blenders that ``make test`` does not have, one environment for each.
 
 ``python wheels.py [--tests FOLDER ...] [VERSION ...]`` makes .venv-VERSION beside the checkout's own .venv where it is missing.
-A version whose Python is not on this machine is skipped, and said so.
+A version whose Python is not on this machine is skipped, and said so. What is set up here is found by test_wheels.py.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-WHEELS = {"4.2": (3, 11), "4.5": (3, 11), "5.0": (3, 11), "5.2": (3, 13)}
+WHEELS = {"4.2": (3, 11), "4.5": (3, 11), "5.2": (3, 13)}
 TESTS = ("tests/house/test_package.py", "tests/addon")
 
 
@@ -31,19 +31,26 @@ def interpreter(version: tuple[int, int]) -> str | None:
     return None
 
 
+def existing(blender: str) -> Path | None:
+    """The Python of the environment of a Blender version where it is ready."""
+    folder = ROOT / f".venv-{blender}"
+    return folder / "bin" / "python" if (folder / ".ready").exists() else None
+
+
 def environment(blender: str) -> Path | None:
     """The Python of the environment of a Blender version, installed where it is missing; None where it cannot be."""
+    found = existing(blender)
+    if found is not None:
+        return found
     folder = ROOT / f".venv-{blender}"
-    python, ready = folder / "bin" / "python", folder / ".ready"
-    if ready.exists():
-        return python
+    python = folder / "bin" / "python"
     maker = interpreter(WHEELS[blender])
     if maker is None:
         return None
     subprocess.run([maker, "-m", "venv", str(folder)], check=True)
     needs = [f"bpy=={blender}.*", "pytest>=8", "hypothesis>=6"]
     subprocess.run([str(python), "-m", "pip", "--quiet", "--disable-pip-version-check", "install", *needs], check=True)
-    ready.touch()
+    (folder / ".ready").touch()
     return python
 
 
