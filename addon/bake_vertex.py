@@ -14,6 +14,7 @@ def write_colors(mesh: bpy.types.Mesh, name: str, domain: str, color: np.ndarray
     """
     default = mesh.attributes.default_color_name
     mesh.enfilade.previous_color = mesh.attributes.active_color_name or ""
+    mesh.enfilade.previous_default = default or ""
     made = mesh.color_attributes.new(name=name, type="FLOAT_COLOR", domain=domain.upper())
     mesh.enfilade.attribute = made.name
     # A reference from before another layer was added may be stale: always by name.
@@ -27,11 +28,16 @@ def write_colors(mesh: bpy.types.Mesh, name: str, domain: str, color: np.ndarray
 def remove_colors(mesh: bpy.types.Mesh) -> None:
     """Take away what :func:`write_colors` made."""
     tags = mesh.enfilade
-    made = mesh.color_attributes.get(tags.attribute) if tags.attribute else None
+    name = tags.attribute
+    made = mesh.color_attributes.get(name) if name else None
     if made is not None:
-        active = mesh.attributes.active_color_name == tags.attribute
+        attributes = mesh.attributes
+        active, default = attributes.active_color_name == name, attributes.default_color_name == name
         mesh.color_attributes.remove(made)
-        if active and tags.previous_color in mesh.color_attributes:
-            mesh.attributes.active_color_name = tags.previous_color
+        # Blender keeps the name of an attribute that is gone as that of the active one.
+        if active:
+            mesh.attributes.active_color_name = tags.previous_color if tags.previous_color in mesh.color_attributes else ""
+        if default:
+            mesh.attributes.default_color_name = tags.previous_default if tags.previous_default in mesh.color_attributes else ""
         mesh.update()
-    tags.attribute = tags.previous_color = ""
+    tags.attribute = tags.previous_color = tags.previous_default = ""

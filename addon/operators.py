@@ -57,9 +57,11 @@ class ENFILADE_OT_bake(bpy.types.Operator):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """With a window: in a thread, with progress, until it is done or ESC is pressed."""
+        return self.execute(context) if bpy.app.background else self.begin(context)
+
+    def begin(self, context: bpy.types.Context) -> set[str]:
+        """Read the scene, start the thread and the timer that looks after it."""
         global _running
-        if bpy.app.background:
-            return self.execute(context)
         try:
             self._reading = job.read(context, *job.settings(context.scene))
         except REFUSALS as error:

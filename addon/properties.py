@@ -130,6 +130,7 @@ class ENFILADE_PG_mesh(bpy.types.PropertyGroup):
 
     attribute: bpy.props.StringProperty(options={"HIDDEN"}, description="Name of the colour attribute")
     previous_color: bpy.props.StringProperty(options={"HIDDEN"}, description="The active colour attribute before")
+    previous_default: bpy.props.StringProperty(options={"HIDDEN"}, description="The default colour attribute before")
     uv_map: bpy.props.StringProperty(options={"HIDDEN"}, description="Name of the lightmap UV map")
     made: bpy.props.BoolProperty(options={"HIDDEN"}, description="This mesh is a copy that a bake made")
 
