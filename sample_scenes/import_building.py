@@ -61,11 +61,18 @@ def _side(face: np.ndarray) -> str:
 
 
 def _view(scene: Scene) -> View:
-    """From above in the south-east, far enough to see all; exposed for the light that the lamps send out."""
+    """From above one of the long sides, far enough to see all; exposed for the light that the lamps send out."""
     low, high = scene.vertices.min(axis=0), scene.vertices.max(axis=0)
-    centre, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
-    direction = np.array([0.35, -0.6, 1.0])
-    eye = centre + direction / np.linalg.norm(direction) * radius * 2.9
+    centre, size, lens = (low + high) / 2, (1280, 960), 50.0
+    back = np.array([0.2, -0.62, 1.0] if high[0] - low[0] >= high[1] - low[1] else [0.62, 0.2, 1.0])
+    back /= np.linalg.norm(back)
+    right = np.cross([0.0, 0.0, 1.0], back)
+    right /= np.linalg.norm(right)
+    axes = np.stack([right, np.cross(back, right), back], axis=1)
+    box = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+    seen = (box - centre) @ axes
+    half = np.array([18.0 / lens, 18.0 / lens * size[1] / size[0]]) * 0.95
+    eye = centre + back * float((np.abs(seen[:, :2]) / half + seen[:, 2:]).max())
     corner = scene.vertices[scene.corner_vertex]
     start = scene.loop_start[:-1]
     fan = corner - np.repeat(corner[start], np.diff(scene.loop_start), axis=0)
@@ -75,7 +82,7 @@ def _view(scene: Scene) -> View:
     power = float((scene.emission.mean(axis=1) * area).sum())
     radiance = power / max(float(((1 - rho) * area).sum()), 1e-9) * float((rho * area).sum() / area.sum()) / math.pi
     exposure = math.log2(0.4 / radiance) if radiance > 0 else 0.0
-    return View(tuple(eye), tuple(centre), lens=50.0, size=(1280, 960), exposure=round(exposure, 1))
+    return View(tuple(eye), tuple(centre), lens, size, exposure=round(exposure, 1))
 
 
 def main() -> None:
