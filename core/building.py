@@ -8,7 +8,7 @@ import numpy as np
 
 from .clustering import Clusters
 from .grouping import ragged
-from .occlusion import Blockers
+from .occlusion import Blockers, flat_blockers
 from .regions import Regions
 from .scene import Portals
 from .visibility_graph import VisibilityGraph
@@ -16,21 +16,37 @@ from .visibility_graph import VisibilityGraph
 
 @dataclass(frozen=True)
 class Doors:
-    """Portals as a pair of rooms and an area: rooms (K, 2) int, -1 outside; area (K,) float64 m2."""
+    """Portals as light meets them: rooms (K, 2) int, -1 outside; area (K,) float64 m2; frames, K rectangles around them."""
 
     rooms: np.ndarray
     area: np.ndarray
+    frames: Blockers
+
+    def of_room(self, room: int) -> Blockers:
+        """The frames of the portals of one room."""
+        return self.frames.take(np.flatnonzero((self.rooms == room).any(1)))
 
 
-def doors_of(portals: Portals) -> Doors:
-    """Rooms and areas of all portals."""
+def doors_of(portals: Portals, centre: np.ndarray) -> Doors:
+    """Rooms, areas and surrounding rectangles of all portals; ``centre`` (3,) of the scene, to which frames are relative."""
+    count = len(portals)
     following = np.arange(len(portals.vertices)) + 1
     following[portals.start[1:] - 1] = portals.start[:-1]
-    owner = np.repeat(np.arange(len(portals)), np.diff(portals.start))
+    owner = np.repeat(np.arange(count), np.diff(portals.start))
     local = portals.vertices - portals.vertices[portals.start[:-1]][owner]
-    vector = np.zeros((len(portals), 3))
+    vector = np.zeros((count, 3))
     np.add.at(vector, owner, 0.5 * np.cross(local, local[following]))
-    return Doors(portals.rooms, np.linalg.norm(vector, axis=1))
+    area = np.linalg.norm(vector, axis=1)
+    normal = vector / np.maximum(area, 1e-300)[:, None]
+    edge = portals.vertices[portals.start[:-1] + 1] - portals.vertices[portals.start[:-1]]
+    u = edge / np.maximum(np.linalg.norm(edge, axis=1), 1e-300)[:, None]
+    v = np.cross(normal, u)
+    x, y = (np.einsum("ij,ij->i", local, d[owner]) for d in (u, v))
+    reach = [f.reduceat(z, portals.start[:-1]) if count else np.zeros(0) for z in (x, y) for f in (np.minimum, np.maximum)]
+    first = portals.vertices[portals.start[:-1]] - centre
+    origin = first + reach[0][:, None] * u + reach[2][:, None] * v
+    a, b = (reach[1] - reach[0])[:, None] * u, (reach[3] - reach[2])[:, None] * v
+    return Doors(portals.rooms, area, flat_blockers(origin, a, b, np.zeros(count, bool), normal, np.arange(count)))
 
 
 @dataclass(frozen=True)
@@ -57,9 +73,13 @@ class Building:
         members, owner = ragged(self.clusters.start[clusters], np.diff(self.clusters.start)[clusters])
         return self.clusters.members[members], owner
 
+    def blockers_of(self, regions: np.ndarray) -> Blockers:
+        """The blockers that stand for ``regions`` (n,)."""
+        start = self.regions.piece_start
+        return self.blockers.take(ragged(start[regions], np.diff(start)[regions])[0])
+
     def blockers_between(self, nearby: np.ndarray, low: np.ndarray, high: np.ndarray) -> Blockers:
         """The blockers of the clusters ``nearby`` (n,) that meet the box low..high (3,): all that a segment in the box can hit."""
         inside = self.regions_of(nearby)[0]
         meets = (self.regions.box_min[inside] <= high).all(1) & (self.regions.box_max[inside] >= low).all(1)
-        start = self.regions.piece_start
-        return self.blockers.take(ragged(start[inside[meets]], np.diff(start)[inside[meets]])[0])
+        return self.blockers_of(inside[meets])

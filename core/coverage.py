@@ -9,15 +9,11 @@ from .regions import Regions
 
 
 def clipped_pieces(regions: Regions, box: np.ndarray, row: np.ndarray, piece: np.ndarray) -> np.ndarray:
-    """(r, 8, 2) convex polygons, counter-clockwise in the frame: piece ``piece[r]`` cut to ``box[row[r]]``.
+    """(r, k, 2) convex polygons, counter-clockwise in the frame: ``regions.cover[piece[r]]`` cut to ``box[row[r]]``.
 
     box : (n, 4) float64 u, v, width, height;  row, piece : (r,). Missing corners repeat the last one.
     """
-    a, b, triangle = regions.piece_a[piece], regions.piece_b[piece], regions.piece_triangle[piece, None]
-    p = regions.piece_origin[piece]
-    corners = np.stack([p, p + a, np.where(triangle, p + b, p + a + b), p + b], axis=1)
-    flip = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) < 0
-    corners[flip] = corners[flip, ::-1]
+    corners = regions.cover[piece]
     return clip_to_boxes(corners, box[row, :2], box[row, :2] + box[row, 2:])
 
 

@@ -1,7 +1,6 @@
-"""Light straight from the luminaires, at points: the exact polygon formula times a sampled visibility.
+"""Light straight from the luminaires, at points: the exact polygon formula over what blockers leave of them.
 
-Emission is constant over a region, so that without a blocker Lambert's formula is exact, near or far. Where blockers
-stand in the shaft, a grid of points of the luminaire, weighed by the kernel, says which part of it is seen.
+Emission is constant over a region, so that Lambert's formula over the part that is seen is exact, near or far.
 """
 
 from __future__ import annotations
@@ -13,11 +12,11 @@ import numpy as np
 
 from . import transport
 from .building import Building
-from .coverage import measure
 from .grouping import ragged, starts_of
-from .occlusion import Bodies, Shafts, cut_segments
+from .occlusion import Bodies, ShaftIndex, Shafts
 from .parallel import ordered_map
 from .regions import Regions
+from .shadows import visible_form_factors
 
 BLOCK_POINTS = 2048
 _PAIR_BLOCK = 1 << 16
@@ -28,47 +27,33 @@ class Luminaires:
     """L regions that emit.
 
     region : (L,);  exitance : (L, 3) W/m2
-    samples : (L, s, 3) float32 points on each, and shares : (L, s) float32 the part of its area that each stands for
     outline_start : (L + 1,), outlines : (K, k, 3) float64 convex polygons that make up each
     """
 
     region: np.ndarray
     exitance: np.ndarray
-    samples: np.ndarray
-    shares: np.ndarray
     outline_start: np.ndarray
     outlines: np.ndarray
 
 
-def luminaires_of(regions: Regions, samples_per_axis: int) -> Luminaires:
-    """The emitting regions, each with a grid of ``samples_per_axis``**2 sample points."""
+def luminaires_of(regions: Regions) -> Luminaires:
+    """The emitting regions."""
     region = np.flatnonzero((regions.emission > 0).any(1))
-    count = len(region)
     members, row = ragged(regions.piece_start[region], np.diff(regions.piece_start)[region])
-    box = np.concatenate([np.zeros((count, 2)), regions.size[region]], axis=1)
-    area, moment, *_ = measure(regions, box, row, members, samples_per_axis)
-    empty = area <= 1e-9 * area.sum(1, keepdims=True)
-    mean = moment.sum(1) / area.sum(1, keepdims=True)
-    uv = np.where(empty[..., None], mean[:, None], moment / np.where(empty, 1.0, area)[..., None])
-    flat = np.repeat(region, samples_per_axis**2)
-    samples = regions.world(flat, uv.reshape(-1, 2)).reshape(count, -1, 3)
-    shares = np.where(empty, 0.0, area) / area.sum(1, keepdims=True)
     owner = region[row]
     a, b, p = regions.piece_a[members], regions.piece_b[members], regions.piece_origin[members]
     far = np.where(regions.piece_triangle[members, None], p + b, p + a + b)
     outlines = np.stack([regions.world(owner, x) for x in (p, p + a, far, p + b)], axis=1)
-    return Luminaires(
-        region, regions.emission[region], samples.astype(np.float32), shares.astype(np.float32), starts_of(row, count), outlines
-    )
+    return Luminaires(region, regions.emission[region], starts_of(row, len(region)), outlines)
 
 
 @dataclass(frozen=True)
 class DirectLight:
-    """Irradiance (n, 3) float32 W/m2 of a block of points ``index`` (n,), and the segment tests that it took."""
+    """Irradiance (n, 3) float32 W/m2 of a block of points ``index`` (n,), and the pairs of lamp and blocker that it weighed."""
 
     index: np.ndarray
     irradiance: np.ndarray
-    segment_tests: int
+    tests: int
 
 
 def point_blocks(building: Building, region: np.ndarray, size: int = BLOCK_POINTS) -> list[np.ndarray]:
@@ -122,43 +107,36 @@ def _light(building, luminaires, lamps, nearby, index, points, region) -> Direct
         form[here] = np.bincount(row, factor, minlength=len(pair_point[here]))
     some = np.flatnonzero(form > 0)
     pair_point, pair_lamp, lamp_of_pair, form = pair_point[some], pair_lamp[some], lamp_of_pair[some], form[some]
-    seen, tests = _visible_share(building, luminaires, lamps, nearby, points, normal, pair_point, pair_lamp)
-    light = (form * seen)[:, None] * luminaires.exitance[lamp_of_pair]
+    shafts, blockers = _lamp_shafts(building, luminaires, lamps, nearby, points, normal)
+    pair, blocker = shafts.candidates(pair_point, len(points) + pair_lamp)
+    doubtful = np.unique(pair)
+    rows = np.searchsorted(doubtful, pair), blocker
+    lamp = lamp_of_pair[doubtful]
+    at = points[pair_point[doubtful]], normal[pair_point[doubtful]]
+    form[doubtful] = _seen(luminaires, lamp, *at, blockers, *rows)
+    light = form[:, None] * luminaires.exitance[lamp_of_pair]
     for channel in range(3):
         out[:, channel] = np.bincount(pair_point, light[:, channel], minlength=len(points))
-    return DirectLight(index, out.astype(np.float32), tests)
+    return DirectLight(index, out.astype(np.float32), len(pair))
 
 
-def _visible_share(building, luminaires, lamps, nearby, points, normal, pair_point, pair_lamp):
-    """(n,) share of the light of a lamp that reaches a point past all blockers, and the number of segment tests."""
+def _seen(luminaires, lamp, points, normal, blockers, pair, blocker):
+    members, owner = ragged(luminaires.outline_start[lamp], np.diff(luminaires.outline_start)[lamp])
+    return visible_form_factors(points, normal, owner, luminaires.outlines[members], blockers, pair, blocker)
+
+
+def _lamp_shafts(building, luminaires, lamps, nearby, points, normal):
+    """Shafts between points (bodies 0..n-1) and lamps (bodies n..), and the blockers that may stand in them."""
     regions, source = building.regions, luminaires.region[lamps]
     low = np.minimum(points.min(0), regions.box_min[source].min(0))
     high = np.maximum(points.max(0), regions.box_max[source].max(0))
     blockers = building.blockers_between(nearby, low, high)
     half = 0.5 * regions.size[source]
-    centre = regions.world(source, half)
     zero = np.zeros_like(points)
     bodies = Bodies(
-        np.concatenate([points, centre]).astype(np.float32),
+        np.concatenate([points, regions.world(source, half)]).astype(np.float32),
         np.concatenate([zero, half[:, :1] * regions.u[source]]).astype(np.float32),
         np.concatenate([zero, half[:, 1:] * regions.v[source]]).astype(np.float32),
         np.concatenate([normal, regions.normal[source]]).astype(np.float32),
     )
-    shafts = Shafts(bodies, blockers)
-    pair, blocker = shafts.candidates(pair_point, len(points) + pair_lamp)
-    seen = np.ones(len(pair_point))
-    if not len(pair):
-        return seen, 0
-    partly = np.flatnonzero(np.r_[True, pair[1:] != pair[:-1]])
-    doubtful = pair[partly]
-    place = np.cumsum(np.r_[0, np.diff(pair) != 0])
-    start, samples = points[pair_point[doubtful]], luminaires.samples[lamps[pair_lamp[doubtful]]]
-    free = ~cut_segments(blockers, place, blocker, start[:, None], samples).hidden[:, 0]
-    weight = luminaires.shares[lamps[pair_lamp[doubtful]]]
-    weight = (
-        weight
-        * transport.kernel(start[:, None], normal[pair_point[doubtful]], samples, bodies.normal[len(points) + pair_lamp[doubtful]])[:, 0]
-    )
-    total = weight.sum(1)
-    seen[doubtful] = np.where(total > 0, (weight * free).sum(1) / np.maximum(total, 1e-30), 0.0)
-    return seen, len(pair) * samples.shape[1]
+    return Shafts(bodies, ShaftIndex(blockers)), blockers

@@ -50,7 +50,7 @@ class Forest:
         self._project.extend(basis.fit(full, self._weights[None]) if order == 1 else np.linalg.inv(full))
         self._mean.extend(np.eye(self.functions)[:1])
         count = len(regions)
-        start, pieces = regions.piece_start[:-1], np.diff(regions.piece_start)
+        start, pieces = regions.cover_start[:-1], np.diff(regions.cover_start)
         box = np.concatenate([np.zeros((count, 2)), regions.size], axis=1)
         made = self._append(
             np.arange(count),
@@ -60,7 +60,7 @@ class Forest:
             regions.full,
             start,
             pieces,
-            np.arange(len(regions.piece_origin)),
+            np.arange(len(regions.cover)),
         )
         if not np.array_equal(made, np.arange(count)):
             raise ValueError("every region must have an area: its root element is its first")
@@ -295,8 +295,14 @@ class Forest:
         weights = self.node_weights[elements]
         return np.einsum("nq,nqk->nk", weights / weights.sum(1, keepdims=True), self.nodes[elements])
 
+    def corners(self, elements: np.ndarray) -> np.ndarray:
+        """(n, 4, 3) float32 corners of the rectangles around the covered part of elements."""
+        cover, region = self.cover[elements], np.repeat(self.region[elements], 4)
+        uv = cover[:, None, :2] + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * cover[:, None, 2:]
+        return self.regions.world(region, uv.reshape(-1, 2)).reshape(-1, 4, 3).astype(np.float32)
+
     def outlines(self, elements: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Convex polygons (r, 8, 3) float64 that make up the covered part of elements, and their rows (r,), sorted."""
+        """Convex polygons (r, k, 3) float64 that make up the covered part of elements, and their rows (r,), sorted."""
         row, flat = self._flat_outlines(elements)
         region = np.repeat(self.region[elements][row], flat.shape[1])
         return row, self.regions.world(region, flat.reshape(-1, 2)).reshape(len(row), -1, 3)
@@ -307,11 +313,12 @@ class Forest:
         box = self.box[elements]
         low, high = box[full, :2], box[full, :2] + box[full, 2:]
         rectangle = np.stack([low, np.stack([high[:, 0], low[:, 1]], 1), high, np.stack([low[:, 0], high[:, 1]], 1)], axis=1)
-        rectangle = np.concatenate([rectangle, np.repeat(rectangle[:, 3:], 4, 1)], axis=1)
         cut = np.flatnonzero(partial)
         start, count = self._pieces.view()[elements[cut]].T
         members, owner = ragged(start, count)
         clipped = clipped_pieces(self.regions, box[cut], owner, self._piece_ids.view()[members])
+        missing = clipped.shape[1] - 4
+        rectangle = np.concatenate([rectangle, np.repeat(rectangle[:, 3:], missing, 1)], axis=1)
         row = np.concatenate([full, cut[owner]])
         order = np.argsort(row, kind="stable")
         return row[order], np.concatenate([rectangle, clipped])[order]

@@ -20,7 +20,7 @@ def illuminate(
     tolerance : admissible error of an element, of its room's mean irradiance times the root of its room's area
     min_size : metres, elements are not split below it
     Yields the share of the work done, at last (coefficients (E, m, 3) float32 W/m2 of every element with its ancestors' part,
-    room irradiance (R, 3) float64 W/m2 as estimated by :func:`room_irradiance`, segment tests).
+    room irradiance (R, 3) float64 W/m2 as estimated by :func:`room_irradiance`, pairs of lamp and blocker weighed).
     """
     own = np.zeros((len(forest), forest.functions, 3), np.float32)
     fresh, tests, room = np.arange(len(forest)), 0, None
@@ -32,7 +32,7 @@ def illuminate(
         done = 0
         for part in direct_light(building, luminaires, nodes, region, workers):
             light[part.index] = part.irradiance
-            tests += part.segment_tests
+            tests += part.tests
             done += len(part.index)
             yield 1 - 0.5 ** (rounds + done / len(nodes))
         rounds += 1
@@ -93,9 +93,12 @@ def room_irradiance(building: Building, direct: np.ndarray) -> np.ndarray:
     return np.maximum(mean, 1e-4 * np.maximum(mean.max(initial=0.0), 1e-3 * emission.max(initial=0.0)) + 1e-30)
 
 
-def exitance_estimate(forest: Forest, direct: np.ndarray, room: np.ndarray) -> np.ndarray:
-    """(E,) float64 rough reflected exitance of every element, largest channel, W/m2: for the oracle."""
+def exitance_estimate(forest: Forest, direct: np.ndarray, room: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rough reflected exitance (E,) float64 of every element, largest channel, W/m2, and the part of it (E,), as a root mean
+    square, that is not constant: for the oracle.
+    """
     regions = forest.regions
-    elements = np.arange(len(forest))
-    mean = np.maximum(forest.mean(elements, direct), 0) + room[regions.room[forest.region]]
-    return (mean * regions.reflectance[forest.region]).max(1).astype(np.float64)
+    reflectance = regions.reflectance[forest.region]
+    mean = np.maximum(forest.mean(np.arange(len(forest)), direct), 0) + room[regions.room[forest.region]]
+    slope = np.sqrt((direct[:, 1:].astype(np.float64) ** 2).sum(1))
+    return (mean * reflectance).max(1), (slope * reflectance).max(1)

@@ -11,6 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .elements import Forest
+
+CLOSURE = (0.1, 10.0)
+"""A node whose links add up to less or more than this sees next to nothing, or what cannot be."""
+
 
 @dataclass(frozen=True)
 class LinkSet:
@@ -43,3 +48,46 @@ def joined(sets: list[LinkSet]) -> list[LinkSet]:
         for group in groups
         if group
     ]
+
+
+def received(forest: Forest, links: list[LinkSet], exitance: np.ndarray) -> np.ndarray:
+    """(E, m, 1) float32 coefficients of the irradiance at every element, ancestors included, from exitance (E, m, 1) of all."""
+    everything = np.arange(len(forest))
+    sent = forest.at_nodes(everything, exitance)[..., 0] * forest.node_weights
+    gathered = np.zeros((len(forest), forest.node_count, 1), np.float32)
+    constant = np.zeros((len(forest), 1), np.float32)
+    for group in links:
+        for source, receiver, exchange in directions(group):
+            power = sent[source] if exchange.shape[2] > 1 else sent[source].sum(1, keepdims=True)
+            light = np.einsum("nij,nj->ni", exchange, power)
+            order = np.argsort(receiver, kind="stable")
+            first = np.flatnonzero(np.r_[True, np.diff(receiver[order]) > 0])
+            total = np.add.reduceat(light[order], first, axis=0)
+            if total.shape[1] == 1:
+                constant[receiver[order[first]]] += total
+            else:
+                gathered[receiver[order[first]], :, 0] += total
+    own = forest.from_nodes(everything, gathered)
+    own[:, 0] += constant
+    return forest.push(own)
+
+
+def closing_gain(forest: Forest, links: list[LinkSet], closed: np.ndarray) -> np.ndarray:
+    """(E, q*q) float32 factor for what the nodes of leaves receive that makes the links of every closed node add up to one.
+
+    From exitance 1 all around, a point of a closed room receives exactly 1; what the links give instead is their error. A
+    node that sees next to nothing is left at 1, as is every node that is not ``closed`` (E,) bool.
+    """
+    everything, leaf = np.arange(len(forest)), forest.leaf
+    one = np.zeros((len(forest), forest.functions, 1), np.float32)
+    one[:, 0] = 1
+    total = forest.at_nodes(everything, received(forest, links, one))[..., 0]
+    known = (closed & leaf)[:, None] & (total > CLOSURE[0]) & (total < CLOSURE[1])
+    return np.where(known, 1 / np.where(known, total, 1), 1).astype(np.float32)
+
+
+def directions(group: LinkSet):
+    """The ways light takes through a set of links: (source (n,), receiver (n,), exchange (n, receiver nodes, source nodes))."""
+    yield group.b, group.a, group.exchange
+    if group.two_way:
+        yield group.a, group.b, group.exchange.transpose(0, 2, 1)

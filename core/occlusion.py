@@ -42,6 +42,22 @@ class Blockers:
     def __len__(self) -> int:
         return len(self.region)
 
+    @property
+    def middle(self) -> np.ndarray:
+        """(K, 3) middle of the corners."""
+        return 0.5 * (self.corners.min(1) + self.corners.max(1))
+
+    @property
+    def size(self) -> np.ndarray:
+        """(K,) root of the area, m."""
+        return np.sqrt(np.linalg.norm(np.cross(self.corners[:, 1] - self.corners[:, 0], self.corners[:, 3] - self.corners[:, 0]), axis=1))
+
+    @property
+    def large(self) -> np.ndarray:
+        """(K,) bool: among the larger ones, that hide most."""
+        size = self.size
+        return size > 3 * np.median(size) if len(size) else np.zeros(0, bool)
+
     def take(self, index: np.ndarray) -> Blockers:
         """The blockers with the given indices."""
         arrays = (self.normal, self.dual_x, self.dual_y, self.offset, self.triangle, self.corners, self.region)
@@ -51,11 +67,15 @@ class Blockers:
 def blockers_of(regions: Regions) -> Blockers:
     """Every piece of every region as a blocker."""
     region = regions.piece_region
-    triangle = regions.piece_triangle
     a = regions.piece_a[:, :1] * regions.u[region] + regions.piece_a[:, 1:] * regions.v[region]
     b = regions.piece_b[:, :1] * regions.u[region] + regions.piece_b[:, 1:] * regions.v[region]
-    origin = regions.world(region, regions.piece_origin)
-    normal = regions.normal[region]
+    return flat_blockers(regions.world(region, regions.piece_origin), a, b, regions.piece_triangle, regions.normal[region], region)
+
+
+def flat_blockers(
+    origin: np.ndarray, a: np.ndarray, b: np.ndarray, triangle: np.ndarray, normal: np.ndarray, region: np.ndarray
+) -> Blockers:
+    """Blockers ``origin + s*a + t*b`` (K, 3) with unit normals (K, 3), relative to the scene's centre, metres."""
     corners = np.stack([origin, origin + a, np.where(triangle[:, None], origin + b, origin + a + b), origin + b], axis=1)
     half = np.where(triangle, 1.0, 0.5)[:, None]
     middle = np.where(triangle[:, None], origin, origin + 0.5 * (a + b))
@@ -86,53 +106,97 @@ class Bodies:
     def __len__(self) -> int:
         return len(self.centre)
 
+    def take(self, index: np.ndarray) -> Bodies:
+        """The bodies with the given indices."""
+        return Bodies(self.centre[index], self.half_u[index], self.half_v[index], self.normal[index])
 
-class Shafts:
-    """Facts about every body and every blocker, as bits, for the culling of blockers from shafts."""
 
-    def __init__(self, bodies: Bodies, blockers: Blockers):
-        self.words = max(1, -(-len(blockers) // 64))
-        self._count = len(blockers)
-        self._centre = np.ascontiguousarray(bodies.centre.T)
-        self._radius = np.sqrt((bodies.half_u**2).sum(1) + (bodies.half_v**2).sum(1))
-        middle = 0.5 * (blockers.corners.min(1) + blockers.corners.max(1))
-        self._middle = np.ascontiguousarray(middle.T)
-        self._reach = np.linalg.norm(blockers.corners - middle[:, None], axis=2).max(1, initial=0)
-        eps = np.float32(blockers.clearance)
-        both = []  # a blocker is out when the bit is set for both bodies
+class ShaftIndex:
+    """Blockers prepared for the culling of many sets of bodies.
+
+    Along each axis a body has a prefix of the blockers, sorted by where they end, on one side, and a suffix, sorted by where
+    they begin, on the other: both are rows of a table, found by bisection.
+    """
+
+    def __init__(self, blockers: Blockers):
+        self.blockers = blockers
+        count = len(blockers)
+        self.words = max(1, -(-count // 64))
+        self.valid = self.pack(np.ones((1, count), bool))[0]
+        self._axes = []
         for axis in AXES:
-            centre, half = bodies.centre @ axis, np.abs(bodies.half_u @ axis) + np.abs(bodies.half_v @ axis)
             reach = blockers.corners @ axis
-            low, high = reach.min(1), reach.max(1)
-            both += [(centre - half)[:, None] > high + eps, (centre + half)[:, None] < low - eps]
-        height = bodies.centre @ blockers.normal.T - blockers.offset[:, 0]
-        half = np.abs(bodies.half_u @ blockers.normal.T) + np.abs(bodies.half_v @ blockers.normal.T)
-        both += [height - half >= -eps, height + half <= eps]
-        self._both = np.stack([self._pack(x) for x in both])
-        top = np.full((len(bodies), self._count), -np.inf, np.float32)
-        for k in range(4):
-            np.maximum(top, bodies.normal @ blockers.corners[:, k].T, out=top)
-        self._either = self._pack(top - np.einsum("ij,ij->i", bodies.centre, bodies.normal)[:, None] <= eps)
+            tables = []
+            for ends in (reach.max(1), -reach.min(1)):
+                order = np.argsort(ends, kind="stable")
+                # Row r holds the first r blockers: each row is the one before with one bit more.
+                table = np.zeros((count + 1, 8 * self.words), np.uint8)
+                table[np.arange(1, count + 1), order >> 3] = 128 >> (order & 7)
+                tables.append((ends[order], np.bitwise_or.accumulate(table.view(np.uint64), axis=0)))
+            self._axes.append((axis, tables))
+        self.middle = blockers.middle
+        self.reach = np.linalg.norm(blockers.corners - self.middle[:, None], axis=2).max(1, initial=0)
 
-    def _pack(self, bits: np.ndarray) -> np.ndarray:
+    def pack(self, bits: np.ndarray) -> np.ndarray:
+        """(n, words) uint64 of (n, K) bool."""
         out = np.zeros((len(bits), 8 * self.words), np.uint8)
         packed = np.packbits(bits, axis=1)
         out[:, : packed.shape[1]] = packed
         return out.view(np.uint64)
 
-    def candidates(self, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Blockers that may stand between bodies a and b (n,). Returns rows (pair, blocker), sorted by pair, int64."""
-        pairs, found = [], []
-        step = max(1, (1 << 22) // (64 * self.words))
-        padding = np.zeros(64 * self.words, bool)
-        padding[: self._count] = True
-        valid = np.packbits(padding).view(np.uint64)
+    def beyond(self, bodies: Bodies) -> list[np.ndarray]:
+        """For each sense of each axis (n, words) bits: the blocker ends before the body begins."""
+        eps, out = np.float32(self.blockers.clearance), []
+        for axis, tables in self._axes:
+            centre, half = bodies.centre @ axis, np.abs(bodies.half_u @ axis) + np.abs(bodies.half_v @ axis)
+            for (ends, table), begin in zip(tables, (centre - half, -(centre + half)), strict=True):
+                out.append(table[np.searchsorted(ends, begin - eps)])
+        return out
+
+
+class Shafts:
+    """Facts about every body and every blocker, as bits, for the culling of blockers from the shafts between bodies."""
+
+    def __init__(self, bodies: Bodies, index: ShaftIndex):
+        self._index, blockers = index, index.blockers
+        eps = np.float32(blockers.clearance)
+        height = bodies.centre @ blockers.normal.T
+        height -= blockers.offset[:, 0]
+        if bodies.half_u.any():
+            half = np.abs(bodies.half_u @ blockers.normal.T)
+            half += np.abs(bodies.half_v @ blockers.normal.T)
+        else:
+            half = np.float32(0)
+        # A blocker is out when one of these bits is set for both bodies.
+        self._both = [*index.beyond(bodies), index.pack(height - half >= -eps), index.pack(height + half <= eps)]
+        # A blocker behind the plane of either body is out.
+        top = bodies.normal @ blockers.corners[:, 0].T
+        for k in range(1, 4):
+            np.maximum(top, bodies.normal @ blockers.corners[:, k].T, out=top)
+        self._either = index.pack(top <= (np.einsum("ij,ij->i", bodies.centre, bodies.normal) + eps)[:, None])
+        self._centre = np.ascontiguousarray(bodies.centre.T)
+        self._radius = np.sqrt((bodies.half_u**2).sum(1) + (bodies.half_v**2).sum(1))
+        self._middle, self._reach = np.ascontiguousarray(index.middle.T), index.reach
+
+    def crossed(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """(n,) bool: some blocker may stand between bodies a and b (n,)."""
+        return np.concatenate([np.zeros(0, bool), *(left.any(1) for _, left in self._left(a, b))])
+
+    def _left(self, a: np.ndarray, b: np.ndarray):
+        """Blocks of pairs (their first index) with the bits (m, words) of the blockers that nothing rules out."""
+        step = max(1, (1 << 22) // (64 * self._index.words))
         for start in range(0, len(a), step):
             i, j = a[start : start + step], b[start : start + step]
             out = self._either[i] | self._either[j]
             for bits in self._both:
                 out |= bits[i] & bits[j]
-            left = ~out & valid
+            yield start, ~out & self._index.valid
+
+    def candidates(self, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Blockers that may stand between bodies a and b (n,). Returns rows (pair, blocker), sorted by pair, int64."""
+        pairs, found = [], []
+        for start, left in self._left(a, b):
+            i, j = a[start : start + len(left)], b[start : start + len(left)]
             some = np.flatnonzero(left.any(1))
             pair, blocker = np.nonzero(np.unpackbits(left[some].view(np.uint8), axis=1))
             pair = some[pair]
@@ -140,7 +204,6 @@ class Shafts:
             pairs.append(pair[near] + start)
             found.append(blocker[near])
         return (np.concatenate(pairs), np.concatenate(found)) if pairs else (np.zeros(0, np.int64), np.zeros(0, np.int64))
-
 
     def _near_axis(self, a: np.ndarray, b: np.ndarray, pair: np.ndarray, blocker: np.ndarray) -> np.ndarray:
         """Rows (r,) whose blocker's ball meets the hull of the balls of both bodies, a cone about the line of their centres.
@@ -191,9 +254,12 @@ def cut_segments(blockers: Blockers, pair: np.ndarray, blocker: np.ndarray, a: n
     n, i, j = len(a), a.shape[1], b.shape[1]
     cuts = Cuts(np.zeros((n, i, j), bool), np.zeros(n, bool))
     flat = cuts.hidden.reshape(n, i * j)
-    # The blockers of both kinds are tested apart: their insides are different inequalities.
-    for kind in (False, True):
-        rows = np.flatnonzero(blockers.triangle[blocker] == kind)
+    large = blockers.large[blocker]
+    # Large blockers go first: what one of them hides alone needs no more tests. The blockers of both kinds are tested
+    # apart: their insides are different inequalities.
+    for size, kind in ((True, False), (True, True), (False, False), (False, True)):
+        rows = np.flatnonzero((large == size) & (blockers.triangle[blocker] == kind))
+        rows = rows[~cuts.alone[pair[rows]]]
         step = max(1, _BLOCK // (i * j))
         for start in range(0, len(rows), step):
             here = rows[start : start + step]
@@ -243,3 +309,39 @@ def _along(direction: np.ndarray, offset: np.ndarray, k: np.ndarray, points: np.
     out += points[2] * d[2]
     out -= offset[k]
     return out
+
+
+def first_hits(blockers: Blockers, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What rays meet first: (n,) int64 blocker, -1 for none, and (n,) bool whether they meet it from behind its normal.
+
+    origins, directions : (n, 3) float32. A blocker whose plane holds the origin is not met.
+    """
+    hit, behind = np.full(len(origins), -1), np.zeros(len(origins), bool)
+    if not len(blockers):
+        return hit, behind
+    step = max(1, (1 << 20) // len(blockers))
+    triangle = blockers.triangle[None]
+    for start in range(0, len(origins), step):
+        here = slice(start, start + step)
+        o, d = origins[here], directions[here]
+        height = o @ blockers.normal.T - blockers.offset[:, 0]
+        slope = d @ blockers.normal.T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = -height / slope
+            x = o @ blockers.dual_x.T - blockers.offset[:, 1] + t * (d @ blockers.dual_x.T)
+            y = o @ blockers.dual_y.T - blockers.offset[:, 2] + t * (d @ blockers.dual_y.T)
+            inside = np.where(triangle, (x >= 0) & (y >= 0) & (x + y <= 1), (np.abs(x) <= 1) & (np.abs(y) <= 1))
+            t = np.where(inside & (t > 0) & (np.abs(height) > blockers.clearance), t, np.inf)
+        nearest = t.argmin(1)
+        row = np.arange(len(nearest))
+        met = np.isfinite(t[row, nearest])
+        hit[here] = np.where(met, nearest, -1)
+        behind[here] = met & (slope[row, nearest] > 0)
+    return hit, behind
+
+
+def hemisphere(count: int) -> np.ndarray:
+    """(count, 3) unit directions about +z, cosine-distributed, evenly spread (Fibonacci spiral)."""
+    k = np.arange(count) + 0.5
+    radius, angle = np.sqrt(k / count), k * (np.pi * (3 - np.sqrt(5)))
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(np.maximum(1 - radius**2, 0))], axis=1)

@@ -58,10 +58,17 @@ class Options:
     emitters: str = _choice("clusters", ("clusters", "cells"), "Unit of shooting: a cluster, or a cell (a whole room)")
     ordering: str = _choice("max_energy", ORDERINGS, "How the next emitter is chosen")
     min_element_size: float = _option(
-        0.0, "float", "Surface elements are never split below this edge length; 0 lets the quality choose", unit="m", minimum=0.0, maximum=1e6
+        0.0,
+        "float",
+        "Surface elements are never split below this edge length; 0 lets the quality choose",
+        unit="m",
+        minimum=0.0,
+        maximum=1e6,
     )
     max_iterations: int = _option(100, "int", "Most iterations of shooting, each visiting every emitter once", minimum=1, maximum=100_000)
-    memory: int = _option(0, "size", "Memory budget for light exchanges kept between iterations, the rest goes to disk; 0: no limit", unit="bytes", minimum=0)
+    memory: int = _option(
+        0, "size", "Memory budget for light exchanges kept between iterations, the rest goes to disk; 0: no limit", unit="bytes", minimum=0
+    )
     store: str = _option("", "path", "Folder that receives the result of every stage")
     threads: int = _option(0, "int", "Worker threads; 0 uses every core", minimum=0, maximum=1024)
     seed: int = _option(0, "int", "Seed of every random choice", minimum=0, maximum=2**31 - 1)
@@ -90,7 +97,12 @@ class BakeOptions:
     image_folder: str = _option("", "path", "Folder for texture files; empty: packed into the .blend file")
     material: bool = _option(False, "bool", "Add a node set-up to the materials that shows the bake")
     subdivide: float = _option(
-        0.0, "float", "Largest edge of a face in a subdivided copy of each mesh that carries the bake; 0: meshes stay as they are", unit="m", minimum=0.0, maximum=1e3
+        0.0,
+        "float",
+        "Largest edge of a face in a subdivided copy of each mesh that carries the bake; 0: meshes stay as they are",
+        unit="m",
+        minimum=0.0,
+        maximum=1e3,
     )
 
     def __post_init__(self) -> None:

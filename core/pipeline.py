@@ -8,7 +8,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import clustering, direct, illumination, occlusion, ordering, quality, refinement, regions, visibility_graph
+from . import (
+    clustering,
+    direct,
+    escape,
+    footprints,
+    illumination,
+    links,
+    occlusion,
+    ordering,
+    quality,
+    refinement,
+    regions,
+    visibility_graph,
+)
 from .building import Building, doors_of
 from .elements import Forest
 from .options import Options
@@ -47,6 +60,8 @@ def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
 
     yield Progress("merge", 0.0, "Merging coplanar polygons")
     surfaces = regions.merge(scene)
+    blockers = occlusion.blockers_of(surfaces)
+    surfaces = footprints.uncover(surfaces, blockers)
     clock.lap("merge")
 
     yield Progress("cluster", 0.02, f"Clustering {len(surfaces)} surfaces")
@@ -63,20 +78,20 @@ def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
 
     yield Progress("graph", 0.04, f"Visibility of {len(clusters)} clusters")
     graph, _findings = visibility_graph.build(clusters, scene.portals, scene.room_names)
-    building = Building(surfaces, occlusion.blockers_of(surfaces), clusters, graph, doors_of(scene.portals), scene.room_count)
+    building = Building(surfaces, blockers, clusters, graph, doors_of(scene.portals, surfaces.centre), scene.room_count)
     clock.lap("graph")
 
     limits = quality.tolerances(options, surfaces)
     forest = Forest(surfaces, options.order)
     tests = 0
-    lamps = direct.luminaires_of(surfaces, limits.mesh_samples)
+    lamps = direct.luminaires_of(surfaces)
     for step in illumination.illuminate(building, forest, lamps, limits.direct, limits.min_size, workers):
         if isinstance(step, float):
             yield Progress("solve", 0.06 + 0.14 * step, "Light of the luminaires")
         else:
             light, room, tests = step
     estimate = refinement.Estimate(
-        illumination.exitance_estimate(forest, light, room),
+        *illumination.exitance_estimate(forest, light, room),
         (limits.exchange * room.max(1) * np.sqrt(np.bincount(surfaces.room, surfaces.area, minlength=len(room))))[surfaces.room],
     )
     for step in refinement.link(building, forest, estimate, limits.min_size, workers):
@@ -86,10 +101,12 @@ def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
             linking = step
     tests += linking.segment_tests
     first = _extended(forest, light)
-    emitted = (surfaces.emission * surfaces.area[:, None]).sum(0)
+    emitted = (surfaces.emission * (surfaces.area * ~surfaces.buried)[:, None]).sum(0)
     unit_of_region = clusters.cluster_of if options.emitters == "clusters" else surfaces.room
     units = len(clusters) if options.emitters == "clusters" else scene.room_count
-    shooter = Shooter(forest, linking.links, unit_of_region[forest.region], units, first, float(emitted.sum()))
+    rays = escape.probe(building, forest, workers)
+    gain = links.closing_gain(forest, linking.links, rays.room_closed[surfaces.room[forest.region]])
+    shooter = Shooter(forest, linking.links, unit_of_region[forest.region], units, first, gain, float(emitted.sum()))
     for step in shooter.run(ordering.STRATEGIES[options.ordering], rng, limits.unshot, options.max_iterations):
         if isinstance(step, Shot):
             yield Progress(
@@ -100,9 +117,11 @@ def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
     clock.lap("solve")
     roots = np.arange(len(surfaces))
     absorbed = ((1 - surfaces.reflectance) * surfaces.area[:, None] * forest.mean(roots, first[roots] + radiosity.irradiance[roots])).sum(0)
+    escaped = escape.escaped_power(rays, forest, first + radiosity.irradiance)
     weight = surfaces.reflectance.max(initial=0.0)
     report = {
         "rooms": scene.room_count,
+        "rooms_closed": int(rays.room_closed.sum()),
         "polygons": scene.polygon_count,
         "clusters": len(clusters),
         "portals": len(scene.portals),
@@ -114,12 +133,11 @@ def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
         "unshot_fraction": float(radiosity.unshot.sum() / max(emitted.sum(), 1e-300)),
         "residual_bound": float(weight / (1 - weight) * radiosity.unshot_exitance) if weight < 1 else float("inf"),
         "dropped_bound": linking.dropped,
-        "energy": {"emitted": float(emitted.sum()), "absorbed": float(absorbed.sum()), "escaped": 0.0},
+        "energy": {"emitted": float(emitted.sum()), "absorbed": float(absorbed.sum()), "escaped": float(escaped.sum())},
         "segment_tests": tests,
         "seconds": clock.seconds,
     }
-    fine = direct.luminaires_of(surfaces, limits.point_samples)
-    return Solution(scene, building, forest, fine, first, radiosity.irradiance, workers, report)
+    return Solution(scene, building, forest, lamps, first, radiosity.irradiance, workers, report)
 
 
 def items_of(surfaces: regions.Regions) -> clustering.ClusterItems:

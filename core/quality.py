@@ -17,30 +17,26 @@ class Tolerances:
     exchange : admissible error of one exchange between two elements
     direct : admissible error of the direct light on one element, as a source of reflected light
     min_size : metres, shortest long edge of an element
-    mesh_samples, point_samples : sample points along each side of a luminaire where it is partly hidden, for the light on
-        elements and for the light at points
     unshot : unshot over emitted power at which the shooting stops
     """
 
     exchange: float
     direct: float
     min_size: float
-    mesh_samples: int
-    point_samples: int
     unshot: float
 
 
 # Fractions of the root of a typical room's surface for min_size; the rest by measurement on the bench scenes.
 _TABLE = {
-    "draft": (4e-3, 1.2e-2, 1 / 24, 3, 6, 3e-3),
-    "good": (1e-3, 4e-3, 1 / 48, 4, 8, 1e-3),
-    "fine": (2.5e-4, 1.5e-3, 1 / 96, 6, 16, 3e-4),
+    "draft": (4e-3, 4e-3, 1 / 24, 3e-3),
+    "good": (1e-3, 1e-3, 1 / 48, 1e-3),
+    "fine": (2.5e-4, 3e-4, 1 / 96, 3e-4),
 }
 
 
 def tolerances(options: Options, regions: Regions) -> Tolerances:
     """Tolerances for the quality that the options ask for, in a building of these regions."""
-    exchange, direct, fraction, mesh, point, unshot = _TABLE[options.quality]
+    exchange, direct, fraction, unshot = _TABLE[options.quality]
     surface = np.bincount(regions.room, regions.area)
     typical = float(np.sqrt(np.median(surface[surface > 0])))
-    return Tolerances(exchange, direct, options.min_element_size or fraction * typical, mesh, point, unshot)
+    return Tolerances(exchange, direct, options.min_element_size or fraction * typical, unshot)

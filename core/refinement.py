@@ -9,22 +9,21 @@ in the mean square over its area, so that work goes where the light is.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from . import transport
 from .building import Building
 from .elements import Forest
-from .grouping import ragged
 from .links import LinkSet, joined
-from .occlusion import Blockers, Bodies, Cuts, Shafts, cut_segments
+from .occlusion import Bodies, Cuts, ShaftIndex, Shafts, cut_segments
 from .parallel import ordered_map
 
 # Relative errors of one exchange, in the mean square over the receiver, for elements of radius r at distance d: the second
 # derivative of the kernel leaves 0.3 (r/d)**2 of a linear function, the first 0.8 r/d of a constant; a node in place of a
-# rule misses 0.6 (r/d)**2 of the source; a sampled visibility misses a part of its own spread.
-LINEAR, CONSTANT, ONE_SOURCE, PARTLY_SEEN = 0.3, 0.8, 0.6, 0.3
+# rule misses 0.6 (r/d)**2 of the source, and r/d of its slope; a sampled visibility misses a part of its own spread.
+LINEAR, CONSTANT, ONE_SOURCE, SLOPE, PARTLY_SEEN = 0.3, 0.8, 0.6, 1.0, 0.3
 FAR = 1.5
 """Elements this many sums of their radii apart may be one node each."""
 TOUCHING = 1.0
@@ -40,10 +39,12 @@ class Estimate:
     """What is known of the light before the links are made, for the oracle alone.
 
     exitance : (E,) float64, largest channel of the mean reflected exitance of every element, W/m2
+    slope : (E,) float64, root mean square of the part of it that is not constant, W/m2
     tolerance : (G,) float64, per region, admissible error times the root of the receiver's area, W/m
     """
 
     exitance: np.ndarray
+    slope: np.ndarray
     tolerance: np.ndarray
 
 
@@ -80,15 +81,14 @@ def link(building: Building, forest: Forest, estimate: Estimate, min_size: float
     min_size : metres, elements are not split below it
     """
     starts = [start for group in _cluster_groups(building) for start in _first_pairs(building, group)]
-    blockers = [building.blockers_between(nearby, *_hull(building, np.concatenate([a, b]))) for nearby, a, b in starts]
-    exitance = estimate.exitance
+    obstacles = [_obstacles(building, *start) for start in starts]
     blocks = [block for k, (_, a, b) in enumerate(starts) for block in _blocks_of(k, a, b)]
     links, dropped, tests, rounds = [], 0.0, 0, 0
     while blocks:
         total, done, outcomes = len(blocks), 0, []
 
-        def treat(block: _Block, exitance=exitance) -> _Outcome:
-            return _treat(forest, blockers[block.start], exitance, estimate.tolerance, min_size, block)
+        def treat(block: _Block, estimate=estimate) -> _Outcome:
+            return _treat(forest, obstacles[block.start], estimate, min_size, block)
 
         for outcome in ordered_map(treat, blocks, workers):
             outcomes.append(outcome)
@@ -99,12 +99,17 @@ def link(building: Building, forest: Forest, estimate: Estimate, min_size: float
         dropped += sum(o.dropped for o in outcomes)
         tests += sum(o.segment_tests for o in outcomes)
         forest.split(np.concatenate([o.split_a[0] for o in outcomes] + [o.split_b[1] for o in outcomes]))
-        # A child is as bright as its parent until more is known.
-        known = len(exitance)
-        exitance = np.concatenate([exitance, np.zeros(len(forest) - known)])
-        exitance[known:] = exitance[forest.parent[known:]]
+        estimate = _inherited(estimate, forest)
         blocks = [child for block, o in zip(blocks, outcomes, strict=True) for child in _blocks_of(block.start, *_children(forest, o))]
     yield Linking(links, dropped, tests)
+
+
+def _inherited(estimate: Estimate, forest: Forest) -> Estimate:
+    """The estimate with younger elements: a child is as bright as its parent and half as steep until more is known."""
+    known = len(estimate.exitance)
+    parent = forest.parent[known:]
+    exitance, slope = (np.concatenate([x, factor * x[parent]]) for x, factor in ((estimate.exitance, 1.0), (estimate.slope, 0.5)))
+    return Estimate(exitance, slope, estimate.tolerance)
 
 
 def _cluster_groups(building: Building) -> list[np.ndarray]:
@@ -142,8 +147,20 @@ def _first_pairs(building: Building, group: np.ndarray) -> list[tuple[np.ndarray
     return [(nearby, a[rows], b[rows]) for rows in np.split(order, cuts) if len(rows)]
 
 
-def _hull(building: Building, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return building.regions.box_min[ends].min(0), building.regions.box_max[ends].max(0)
+@dataclass(frozen=True)
+class _Obstacles:
+    """What lies between two sets of regions: blockers, and the portals of either room that a segment must pass (none in one room)."""
+
+    blockers: ShaftIndex
+    doors: tuple[ShaftIndex, ...]
+
+
+def _obstacles(building: Building, nearby: np.ndarray, a: np.ndarray, b: np.ndarray) -> _Obstacles:
+    ends = np.concatenate([a, b])
+    low, high = building.regions.box_min[ends].min(0), building.regions.box_max[ends].max(0)
+    rooms = building.regions.room[a[0]], building.regions.room[b[0]]
+    doors = () if rooms[0] == rooms[1] else tuple(ShaftIndex(building.doors.of_room(room)) for room in rooms)
+    return _Obstacles(ShaftIndex(building.blockers_between(nearby, low, high)), doors)
 
 
 def _blocks_of(start: int, a: np.ndarray, b: np.ndarray) -> list[_Block]:
@@ -171,75 +188,153 @@ def _bodies(forest: Forest, elements: np.ndarray) -> tuple[Bodies, np.ndarray]:
     return Bodies(centre, *(x.astype(np.float32) for x in sides)), radius
 
 
-def _treat(forest: Forest, blockers: Blockers, exitance: np.ndarray, tolerance: np.ndarray, min_size: float, block: _Block) -> _Outcome:
+@dataclass(frozen=True)
+class _Pairs:
+    """n pairs of bodies ia, ib (indices into the elements of a block).
+
+    distance : of their centres, m;  xa, xb : radius over distance
+    gain_a, gain_b : light that each would receive unoccluded, in units of the error that is admissible there
+    slope_a, slope_b : the same for the part of the exitance of a (of b) that is not constant, at the other side
+    """
+
+    ia: np.ndarray
+    ib: np.ndarray
+    distance: np.ndarray
+    xa: np.ndarray
+    xb: np.ndarray
+    gain_a: np.ndarray
+    gain_b: np.ndarray
+    slope_a: np.ndarray
+    slope_b: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.ia)
+
+    @property
+    def gain(self) -> np.ndarray:
+        return np.maximum(self.gain_a, self.gain_b)
+
+    def take(self, rows: np.ndarray) -> _Pairs:
+        return _Pairs(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+
+def _treat(forest: Forest, obstacles: _Obstacles, estimate: Estimate, min_size: float, block: _Block) -> _Outcome:
     elements, index = np.unique(np.concatenate([block.a, block.b]), return_inverse=True)
-    ia, ib = index[: len(block.a)], index[len(block.a) :]
     bodies, radius = _bodies(forest, elements)
-    facing = _face_each_other(bodies, ia, ib, blockers.clearance)
-    ia, ib = ia[facing], ib[facing]
-    form_a, form_b, distance = _form_factors(forest, elements, bodies, ia, ib)
-    area = forest.area[elements]
-    limit = tolerance[forest.region[elements]]
-    # Errors below are in units of what is admissible, so that 1 is the threshold for both directions.
-    gain_a = form_a * exitance[elements[ib]] * np.sqrt(area[ia]) / limit[ia]
-    gain_b = form_b * exitance[elements[ia]] * np.sqrt(area[ib]) / limit[ib]
-    worth = np.maximum(gain_a, gain_b) > NEGLIGIBLE
-    dropped = float(np.sum((form_a * exitance[elements[ib]] * area[ia] + form_b * exitance[elements[ia]] * area[ib])[~worth]))
-    ia, ib, distance, gain_a, gain_b = (x[worth] for x in (ia, ib, distance, gain_a, gain_b))
-    xa, xb = radius[ia] / distance, radius[ib] / distance
-    error = np.maximum(gain_a, gain_b) * LINEAR * (xa**2 + xb**2)
+    ia, ib = _open_pairs(bodies, obstacles, index[: len(block.a)], index[len(block.a) :])
+    pairs, dropped = _worthwhile(
+        _assess(forest, estimate, elements, bodies, radius, ia, ib), forest.area[elements], estimate, elements, forest
+    )
     splittable = forest.can_split(elements, min_size)
-    refine = (error > 1) & (splittable[ia] | splittable[ib])
-    # A single node stands for an element only from afar, however little light is at stake: its kernel has no bound near by.
-    afar = ~refine & (distance > FAR * (radius[ia] + radius[ib]))
-    one_a = afar & (np.maximum(gain_a * CONSTANT * xa, gain_b * ONE_SOURCE * xa**2) < 0.5)
-    one_b = afar & (np.maximum(gain_b * CONSTANT * xb, gain_a * ONE_SOURCE * xb**2) < 0.5)
-    keep = np.flatnonzero(~refine)
-    shafts = Shafts(bodies, blockers)
-    pair, blocker = shafts.candidates(ia[keep], ib[keep])
-    doubtful = np.zeros(len(ia), bool)
-    doubtful[keep[pair]] = True
-    # One ray sees all or nothing: good enough only where even that does not matter.
-    risky = doubtful & (np.maximum(gain_a, gain_b) * 0.5 > 0.5)
-    one_a &= ~risky
-    one_b &= ~risky
-    first = np.searchsorted(pair, np.arange(len(keep) + 1))
-    links, partial, tests = [], np.zeros(len(ia), bool), 0
-    for side_a in (False, True):
-        for side_b in (False, True):
-            local = np.flatnonzero((one_a[keep] == side_a) & (one_b[keep] == side_b))
-            if not len(local):
-                continue
-            rows = keep[local]
-            nodes_a = _nodes(forest, elements[ia[rows]], side_a)
-            nodes_b = _nodes(forest, elements[ib[rows]], side_b)
-            cuts, count = _cuts(blockers, first, blocker, local, nodes_a, nodes_b)
-            tests += count
-            hidden = cuts.hidden
-            seen = 1 - hidden.mean((1, 2), dtype=np.float32)
-            spread = _spread(hidden, cuts.alone, doubtful[rows])
-            bad = (np.maximum(gain_a[rows], gain_b[rows]) * PARTLY_SEEN * spread > 1) & (splittable[ia[rows]] | splittable[ib[rows]])
-            partial[rows[bad]] = True
-            good = np.flatnonzero(~bad & (seen > 0))
-            rows = rows[good]
-            links += _links(
-                forest, elements, bodies, radius, ia[rows], ib[rows], distance[rows], nodes_a[good], nodes_b[good], ~hidden[good]
+    can_split = splittable[pairs.ia] | splittable[pairs.ib]
+    refine = can_split & (pairs.gain * LINEAR * (pairs.xa**2 + pairs.xb**2) > 1)
+    links, tests = [], 0
+    points = _points(forest, elements, bodies)
+    for one_a, one_b, rows in _modes(pairs, np.flatnonzero(~refine)):
+        here = pairs.take(rows)
+        nodes = _nodes(forest, elements[here.ia], one_a), _nodes(forest, elements[here.ib], one_b)
+        # The shaft of a single ray is the ray: nothing else is asked, and next to nothing stands in it.
+        ray = one_a and one_b
+        pair, blocker = _candidates(obstacles.blockers, points if ray else bodies, here.ia, here.ib)
+        cuts = cut_segments(obstacles.blockers.blockers, pair, blocker, *nodes)
+        tests += len(pair) * nodes[0].shape[1] * nodes[1].shape[1]
+        bad = np.zeros(len(here), bool)
+        if not ray:
+            bad = can_split[rows] & (here.gain * PARTLY_SEEN * _spread(cuts, pair) > 1)
+            alone = np.flatnonzero(bad & cuts.alone)
+            bad[alone] = ~_surely_hidden(
+                forest, obstacles.blockers.blockers, elements[here.ia[alone]], elements[here.ib[alone]], alone, pair, blocker
             )
-    refine |= partial
+        refine[rows[bad]] = True
+        good = np.flatnonzero(~bad & ~cuts.hidden.all((1, 2)))
+        links += _links(forest, elements, bodies, radius, here.take(good), nodes[0][good], nodes[1][good], ~cuts.hidden[good])
+    ia, ib = pairs.ia, pairs.ib
     larger_a = np.where(splittable[ia] & splittable[ib], radius[ia] >= radius[ib], splittable[ia])
     at_a, at_b = np.flatnonzero(refine & larger_a), np.flatnonzero(refine & ~larger_a)
     return _Outcome(links, (elements[ia[at_a]], elements[ib[at_a]]), (elements[ia[at_b]], elements[ib[at_b]]), dropped, tests)
 
 
-def _spread(hidden: np.ndarray, alone: np.ndarray, doubtful: np.ndarray) -> np.ndarray:
-    """(n,) standard deviation of the visibility of a segment between two elements, of which samples (n, i, j) are known.
+def _open_pairs(bodies: Bodies, obstacles: _Obstacles, ia: np.ndarray, ib: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The pairs that face each other and, in different rooms, meet a portal of either room."""
+    facing = _face_each_other(bodies, ia, ib, obstacles.blockers.blockers.clearance)
+    ia, ib = ia[facing], ib[facing]
+    for doors in obstacles.doors:
+        passes = Shafts(bodies, doors).crossed(ia, ib)
+        ia, ib = ia[passes], ib[passes]
+    return ia, ib
 
-    Samples that agree prove nothing while a blocker may stand between them: half a sample is taken to disagree. A pair
-    without candidates, and one that a single blocker hides, are certain.
+
+def _assess(forest: Forest, estimate: Estimate, elements, bodies: Bodies, radius: np.ndarray, ia: np.ndarray, ib: np.ndarray) -> _Pairs:
+    form_a, form_b, distance = _form_factors(forest, elements, bodies, ia, ib)
+    root = np.sqrt(forest.area[elements]) / estimate.tolerance[forest.region[elements]]
+    exitance, slope = estimate.exitance[elements], estimate.slope[elements]
+    to_a, to_b = form_a * root[ia], form_b * root[ib]
+    return _Pairs(
+        ia, ib, distance, radius[ia] / distance, radius[ib] / distance,
+        to_a * exitance[ib], to_b * exitance[ia], to_b * slope[ia], to_a * slope[ib],
+    )  # fmt: skip
+
+
+def _worthwhile(pairs: _Pairs, area: np.ndarray, estimate: Estimate, elements: np.ndarray, forest: Forest) -> tuple[_Pairs, float]:
+    """The pairs that matter, and a bound (W) on the light of those that do not."""
+    worth = pairs.gain > NEGLIGIBLE
+    rest = pairs.take(~worth)
+    scale = estimate.tolerance[forest.region[elements]] * np.sqrt(area)  # back from admissible errors to watts
+    return pairs.take(worth), float(np.sum(rest.gain_a * scale[rest.ia]) + np.sum(rest.gain_b * scale[rest.ib]))
+
+
+def _modes(pairs: _Pairs, rows: np.ndarray) -> Iterator[tuple[bool, bool, np.ndarray]]:
+    """Splits ``rows`` by which side may be a single node: (a is single, b is single, rows)."""
+    p = pairs.take(rows)
+    # A single node stands for an element only from afar, however little light is at stake: its kernel has no bound near by.
+    afar = FAR * (p.xa + p.xb) < 1
+    single = []
+    for x, received, sent, slope in ((p.xa, p.gain_a, p.gain_b, p.slope_a), (p.xb, p.gain_b, p.gain_a, p.slope_b)):
+        error = np.maximum(received * CONSTANT * x, sent * ONE_SOURCE * x**2 + slope * SLOPE * x)
+        single.append(afar & (error < 0.5))
+    # One ray sees all or nothing: good enough only where even that does not matter.
+    full = single[0] & single[1] & (p.gain >= 1)
+    for one_a in (False, True):
+        for one_b in (False, True):
+            chosen = np.flatnonzero(((single[0] & ~full) == one_a) & ((single[1] & ~full) == one_b))
+            if len(chosen):
+                yield one_a, one_b, rows[chosen]
+
+
+def _candidates(blockers: ShaftIndex, bodies: Bodies, ia: np.ndarray, ib: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows (pair, blocker) of the blockers that may stand between bodies ia and ib (n,)."""
+    used, index = np.unique(np.concatenate([ia, ib]), return_inverse=True)
+    return Shafts(bodies.take(used), blockers).candidates(index[: len(ia)], index[len(ia) :])
+
+
+def _points(forest: Forest, elements: np.ndarray, bodies: Bodies) -> Bodies:
+    """The elements shrunk to their centres of gravity."""
+    zero = np.zeros_like(bodies.half_u)
+    return Bodies(forest.centroids(elements), zero, zero, bodies.normal)
+
+
+def _spread(cuts: Cuts, pair: np.ndarray) -> np.ndarray:
+    """(n,) standard deviation of the visibility of a segment between two elements, of which some are known.
+
+    Samples that agree prove nothing while a blocker may stand between them: half a sample is taken to disagree. Only a
+    pair without candidates is certain.
     """
-    count = hidden.shape[1] * hidden.shape[2]
-    share = (hidden.sum((1, 2)) + 0.5) / (count + 1)
-    return np.where(doubtful & ~alone, np.sqrt(share * (1 - share)), 0.0)
+    count = cuts.hidden.shape[1] * cuts.hidden.shape[2]
+    share = (cuts.hidden.sum((1, 2)) + 0.5) / (count + 1)
+    doubtful = np.zeros(len(cuts.alone), bool)
+    doubtful[pair] = True
+    return np.where(doubtful, np.sqrt(share * (1 - share)), 0.0)
+
+
+def _surely_hidden(forest, blockers, a, b, chosen, pair, blocker) -> np.ndarray:
+    """(n,) bool: one blocker cuts all segments between the corners of elements a and b, and so all between the elements.
+
+    chosen : (n,) numbers of these pairs in the rows (pair, blocker).
+    """
+    place = np.full(int(pair.max(initial=-1)) + 1, -1)
+    place[chosen] = np.arange(len(chosen))
+    mine = place[pair] >= 0
+    return cut_segments(blockers, place[pair[mine]], blocker[mine], forest.corners(a), forest.corners(b)).alone
 
 
 def _face_each_other(bodies: Bodies, ia: np.ndarray, ib: np.ndarray, clearance: float) -> np.ndarray:
@@ -274,25 +369,12 @@ def _nodes(forest: Forest, elements: np.ndarray, one: bool) -> np.ndarray:
     return forest.centroids(elements)[:, None] if one else forest.nodes[elements]
 
 
-def _cuts(blockers, first, blocker, local, nodes_a, nodes_b) -> tuple[Cuts, int]:
-    """Cuts of the segments between the nodes of the pairs ``local`` (indices into ``first``), and the tests that they took."""
-    count = first[local + 1] - first[local]
-    some = np.flatnonzero(count)
-    cuts = Cuts(np.zeros((len(local), nodes_a.shape[1], nodes_b.shape[1]), bool), np.zeros(len(local), bool))
-    if len(some):
-        rows, owner = ragged(first[local[some]], count[some])
-        found = cut_segments(blockers, owner, blocker[rows], nodes_a[some], nodes_b[some])
-        cuts.hidden[some], cuts.alone[some] = found.hidden, found.alone
-    return cuts, int(count.sum()) * nodes_a.shape[1] * nodes_b.shape[1]
-
-
-def _links(forest, elements, bodies, radius, ia, ib, distance, nodes_a, nodes_b, seen) -> list[LinkSet]:
+def _links(forest, elements, bodies, radius, pairs: _Pairs, nodes_a, nodes_b, seen) -> list[LinkSet]:
     """Links of pairs whose nodes and visibility (n, i, j) are known; near ones by the exact polygon formula, each way apart."""
+    ia, ib = pairs.ia, pairs.ib
     a, b = elements[ia].astype(np.int32), elements[ib].astype(np.int32)
     exchange = transport.kernel(nodes_a, bodies.normal[ia], nodes_b, bodies.normal[ib])
-    near = distance < TOUCHING * (radius[ia] + radius[ib])
-    if exchange.shape[1] == 1 or exchange.shape[2] == 1:
-        near[:] = False
+    near = TOUCHING * (pairs.xa + pairs.xb) > 1
     far = ~near
     out = [LinkSet(a[far], b[far], (exchange * seen)[far], True)]
     here = np.flatnonzero(near)

@@ -32,7 +32,10 @@ class Regions:
     reflectance, emission : (G, 3);  room : (G,) int32
     piece_start : (G + 1,), pieces of a region: ``piece_origin + s*piece_a + t*piece_b`` in (u, v) coordinates (K, 2),
         triangles (s, t >= 0, s + t <= 1) where ``piece_triangle``, else parallelograms (0 <= s, t <= 1)
-    box_min, box_max : (G, 3) of the covered part;  centroid : (G, 3) of the covered part
+    cover_start : (G + 1,), cover : (C, k, 2) convex counter-clockwise polygons of the frame that the region covers: the
+        pieces, less what :mod:`footprints` takes out of them; missing corners repeat the last one
+    buried : (G,) bool, nothing but other surfaces' backs can be seen from it
+    box_min, box_max : (G, 3) of the pieces;  centroid : (G, 3) of the pieces
     """
 
     centre: np.ndarray
@@ -52,6 +55,9 @@ class Regions:
     piece_a: np.ndarray
     piece_b: np.ndarray
     piece_triangle: np.ndarray
+    cover_start: np.ndarray
+    cover: np.ndarray
+    buried: np.ndarray
     box_min: np.ndarray
     box_max: np.ndarray
     centroid: np.ndarray
@@ -111,7 +117,8 @@ def merge(scene: Scene) -> Regions:
     return Regions(
         centre, polygon_region.astype(np.int32), origin, u, v, normal, size, area, full,
         scene.reflectance[first], scene.emission[first], scene.room[first].astype(np.int32),
-        starts_of(region, count), *piece, box_low, box_high, _centroids(region, piece, area, origin, u, v),
+        starts_of(region, count), *piece, starts_of(region, count), _outlines(*piece),
+        np.zeros(count, bool), box_low, box_high, _centroids(region, piece, area, origin, u, v),
     )  # fmt: skip
 
 
@@ -235,6 +242,14 @@ def _simplify(region, piece, full, size):
     return region[order], tuple(x[order] for x in piece)
 
 
+def _outlines(origin, a, b, triangle):
+    """(K, 4, 2) corners of pieces, counter-clockwise; the last of a triangle repeated."""
+    corners = np.stack([origin, origin + a, np.where(triangle[:, None], origin + b, origin + a + b), origin + b], axis=1)
+    flip = _cross(a, b) < 0
+    corners[flip] = corners[flip, ::-1]
+    return corners
+
+
 def _join_runs(owner, low, high, axis):
     """Join boxes of one owner that touch along ``axis`` and agree across it."""
     if not len(owner):
@@ -256,7 +271,9 @@ def _centroids(region, piece, area, origin, u, v):
     p, a, b, triangle = piece
     middle = p + np.where(triangle[:, None], (a + b) / 3, (a + b) / 2)
     weight = np.abs(_cross(a, b)) * np.where(triangle, 0.5, 1.0)
-    mean = np.stack([np.bincount(region, weight * middle[:, k], minlength=len(area)) for k in (0, 1)], 1) / np.maximum(area, 1e-300)[:, None]
+    mean = (
+        np.stack([np.bincount(region, weight * middle[:, k], minlength=len(area)) for k in (0, 1)], 1) / np.maximum(area, 1e-300)[:, None]
+    )
     return origin + mean[:, :1] * u + mean[:, 1:] * v
 
 

@@ -56,12 +56,15 @@ class Shooter:
     """State of the shooting of reflected light between emitters (clusters or cells).
 
     unit : (E,) int emitter of every element, 0..units-1;  direct : (E, m, 3) irradiance from luminaires at every element,
-    ancestors included;  emitted : W, for the convergence test
+    ancestors included;  gain : (E, q*q) factor for what each node of a leaf receives over its links;
+    emitted : W, for the convergence test
     """
 
-    def __init__(self, forest: Forest, links: list[LinkSet], unit: np.ndarray, units: int, direct: np.ndarray, emitted: float):
+    def __init__(
+        self, forest: Forest, links: list[LinkSet], unit: np.ndarray, units: int, direct: np.ndarray, gain: np.ndarray, emitted: float
+    ):
         self._forest, self._units, self._emitted = forest, units, emitted
-        self._unit = unit
+        self._unit, self._gain = unit, gain
         order = np.lexsort((forest.level, unit))
         self._elements = np.split(order, np.searchsorted(unit[order], np.arange(1, units)))
         self._reflectance = forest.regions.reflectance[forest.region].astype(np.float32)
@@ -104,11 +107,18 @@ class Shooter:
         self._gathered[own] = 0
         self._constant[own] = 0
         self._total[own] += received
-        light = forest.push(received, own)
+        light = self._corrected(forest.push(received, own), own)
         if self._fresh[unit]:
             light = light + self._first[own]
             self._fresh[unit] = False
         return forest.pull(light * self._reflectance[own][:, None], own)
+
+    def _corrected(self, light: np.ndarray, elements: np.ndarray) -> np.ndarray:
+        """Irradiance (n, m, 3) of elements times the gain at their nodes; only leaves matter, the others are pulled from them."""
+        leaf = np.flatnonzero(self._forest.leaf[elements] & (self._gain[elements] != 1).any(1))
+        ids = elements[leaf]
+        light[leaf] = self._forest.from_nodes(ids, self._forest.at_nodes(ids, light[leaf]) * self._gain[ids, :, None])
+        return light
 
     def _shoot(self, unit: int) -> None:
         forest, own = self._forest, self._elements[unit]
@@ -150,10 +160,10 @@ class Shooter:
         rest[:, 0] += self._constant
         waiting = self._fresh[self._unit][:, None, None]
         leaf = np.flatnonzero(forest.leaf)
-        left = (forest.push(rest) + np.where(waiting, self._first, 0))[leaf]
+        left = (self._corrected(forest.push(rest), everything) + np.where(waiting, self._first, 0))[leaf]
         exitance = np.abs(forest.mean(leaf, left)) * self._reflectance[leaf]
         brightest = float(exitance.max(initial=0.0))
-        total = forest.push(self._total + rest)
+        total = self._corrected(forest.push(self._total + rest), everything)
         total = forest.pull(np.where(forest.leaf[:, None, None], total, 0))
         return Radiosity(total, iterations, self.unshot.sum(0), brightest, self.received, self.shot)
 

@@ -37,12 +37,13 @@ def lambert(points: np.ndarray, normals: np.ndarray, polygons: np.ndarray) -> np
     below = np.flatnonzero((height < 0).any(1) & (height > 0).any(1))
     out = np.zeros(len(points))
     above = np.flatnonzero((height >= 0).all(1))
-    out[above] = _edge_sum(corners[above], normals[above])
-    out[below] = _edge_sum(clip_half(corners[below], height[below]), normals[below])
+    out[above] = edge_sum(corners[above], normals[above])
+    out[below] = edge_sum(clip_half(corners[below], height[below]), normals[below])
     return out
 
 
-def _edge_sum(corners: np.ndarray, normals: np.ndarray) -> np.ndarray:
+def edge_sum(corners: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Lambert's sum (n,) over the edges of polygons (n, k, 3) given relative to the points, all in front of them."""
     following = np.roll(corners, -1, 1)
     cross = np.cross(corners, following)
     sine = np.linalg.norm(cross, axis=2)

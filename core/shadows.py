@@ -1,0 +1,150 @@
+"""The part of a polygon that is seen from a point past flat blockers, exactly.
+
+A convex blocker hides from a point what lies beyond its plane within the cone through its edges. A convex piece of the
+polygon loses that part and is left in at most one convex piece for each plane; blocker after blocker the pieces become
+fewer or smaller, and Lambert's formula adds up what remains. No samples, so that penumbrae are smooth and contact shadows
+sharp.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .grouping import ragged
+from .occlusion import Blockers
+from .polygons import clip_half
+from .transport import edge_sum
+
+_ROWS = 1 << 13
+
+
+def visible_form_factors(
+    points: np.ndarray,
+    normals: np.ndarray,
+    outline_pair: np.ndarray,
+    outlines: np.ndarray,
+    blockers: Blockers,
+    pair: np.ndarray,
+    blocker: np.ndarray,
+) -> np.ndarray:
+    """(n,) float64 form factor from points to what they see of polygons: irradiance over exitance.
+
+    points, normals : (n, 3), one point and one polygon make a pair
+    outline_pair : (m,) sorted, outlines : (m, k, 3) float64, the convex pieces of the polygon of each pair
+    pair, blocker : (r,) rows, ``pair`` sorted, the blockers that may stand between
+    """
+    count = len(points)
+    normals = normals.astype(np.float64)
+    owner, corners = outline_pair, outlines - points[outline_pair].astype(np.float64)[:, None]
+    corners = clip_half(corners, np.einsum("nkd,nd->nk", corners, normals[owner]))
+    meets, covers = _reach(points, owner, corners, blockers, pair, blocker)
+    dark = np.zeros(count, bool)
+    dark[pair[covers]] = True
+    meets &= ~dark[pair]
+    pair, blocker = pair[meets], blocker[meets]
+    owner, corners = owner[~dark[owner]], corners[~dark[owner]]
+    # The largest first: what they hide is never cut up by the smaller ones.
+    size = blockers.size[blocker] / np.maximum(np.linalg.norm(blockers.middle[blocker] - points[pair], axis=1), 1e-9)
+    order = np.lexsort((-size, pair))
+    pair, blocker = pair[order], blocker[order]
+    start = np.searchsorted(pair, np.arange(count + 1))
+    degree = np.diff(start)
+    out = np.zeros(count)
+    for turn in range(int(degree.max(initial=0)) + 1):
+        done = degree[owner] <= turn
+        out += np.bincount(owner[done], edge_sum(corners[done], normals[owner[done]]), minlength=count)
+        owner, corners = owner[~done], corners[~done]
+        if not len(owner):
+            break
+        planes = _cones(blockers, blocker[start[owner] + turn], points[owner].astype(np.float64))
+        owner, corners = _subtract(owner, corners, planes)
+    return out
+
+
+def _reach(points, owner, corners, blockers, pair, blocker) -> tuple[np.ndarray, np.ndarray]:
+    """(r,) bool: the cone of the row's blocker meets the polygon of the row's pair; and holds all of it. Most meet nothing."""
+    first = np.searchsorted(owner, np.arange(len(points) + 1))
+    meets, covers = np.zeros(len(pair), bool), np.zeros(len(pair), bool)
+    for begin in range(0, len(pair), _ROWS):
+        here = slice(begin, begin + _ROWS)
+        p = pair[here]
+        planes = _cones(blockers, blocker[here], points[p].astype(np.float64))
+        members, row = ragged(first[p], np.diff(first)[p])
+        low, high, slack = _heights(corners[members], planes[row])
+        touched = (high > slack).all(1)
+        held = (low >= -slack).all(1)
+        meets[here] = np.bincount(row[touched], minlength=len(p)) > 0
+        covers[here] = np.bincount(row[held], minlength=len(p)) == np.diff(first)[p]
+    return meets, covers
+
+
+def _heights(corners: np.ndarray, planes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Least and greatest height (n, h) of convex pieces (n, k, 3) over planes (n, h, 4), and the rounding (n, 1) of both."""
+    height = np.matmul(corners, planes[:, :, :3].transpose(0, 2, 1))
+    height += planes[:, None, :, 3]
+    return height.min(1), height.max(1), 1e-9 * np.abs(corners).max((1, 2), initial=0)[:, None]
+
+
+def _cones(blockers: Blockers, k: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(n, 5, 4) half-spaces (normal, offset), relative to the points (n, 3), whose common part blockers k hide from them.
+
+    A blocker whose plane holds the point hides nothing: its half-spaces are empty.
+    """
+    corners = blockers.corners[k].astype(np.float64) - points[:, None]
+    following = np.roll(corners, -1, 1)
+    # A triangle has its last corner twice: the edge between is none, and everything is inside its half-space.
+    side = np.cross(corners, following)
+    side *= np.sign(np.einsum("nkd,nd->nk", side, corners.mean(1)))[..., None]
+    length = np.linalg.norm(side, axis=2, keepdims=True)
+    side /= np.maximum(length, 1e-300)
+    normal = blockers.normal[k].astype(np.float64)
+    height = np.einsum("nd,nd->n", corners[:, 0], normal)
+    planes = np.zeros((len(k), 5, 4))
+    planes[:, 1:, :3] = side
+    planes[:, 1:, 3] = length[..., 0] <= 0
+    planes[:, 0, :3] = normal * np.sign(height)[:, None]
+    planes[:, 0, 3] = -np.abs(height) - blockers.clearance
+    planes[np.abs(height) <= blockers.clearance, 0] = [0, 0, 0, -1]
+    return planes
+
+
+def _subtract(owner: np.ndarray, corners: np.ndarray, planes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What is left of convex pieces (n, k, 3) outside the common part of their half-spaces (n, h, 4), as convex pieces."""
+    _, high, slack = _heights(corners, planes)
+    outside = (high <= slack).any(1)
+    owners, pieces = [owner[outside]], [corners[outside]]
+    owner, rest, planes = owner[~outside], corners[~outside], planes[~outside]
+    for h in range(planes.shape[1]):
+        if not len(owner):
+            break
+        height = np.einsum("nkd,nd->nk", rest, planes[:, h, :3]) + planes[:, h, 3, None]
+        scale = 1e-9 * np.abs(rest).max((1, 2))[:, None]
+        cut = (height < -scale).any(1)
+        if cut.any():
+            beyond = clip_half(rest[cut], -height[cut])
+            owners.append(owner[cut])
+            pieces.append(beyond)
+        some = (height > scale).any(1)
+        owner, planes, height = owner[some], planes[some], height[some]
+        rest = _tight(clip_half(rest[some], height))
+    return _merged(owners, pieces)
+
+
+def _tight(corners: np.ndarray) -> np.ndarray:
+    """Convex pieces (n, k, 3) with fewer slots: repeated corners at the end are dropped where no piece needs them."""
+    distinct = (np.abs(np.diff(corners, axis=1)) > 0).any(2)
+    need = 1 + max(2, int((distinct * np.arange(1, corners.shape[1])).max(initial=0)))
+    return corners[:, :need]
+
+
+def _merged(owners: list[np.ndarray], pieces: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """One array of pieces, short ones with their last corner repeated, without those of no area."""
+    pieces = [_tight(p) for p in pieces]
+    most = max(p.shape[1] for p in pieces)
+    members = [np.minimum(np.arange(most), p.shape[1] - 1) for p in pieces]
+    corners = np.concatenate([p[:, m] for p, m in zip(pieces, members, strict=True)])
+    owner = np.concatenate(owners)
+    local = corners - corners[:, :1]
+    area = np.linalg.norm(np.cross(local, np.roll(local, -1, 1)).sum(1), axis=1)
+    keep = area > 1e-14 * np.abs(corners).max((1, 2), initial=1e-30) ** 2
+    return owner[keep], corners[keep]
