@@ -74,6 +74,7 @@ def _set_up(scene: bpy.types.Scene, own_view: bool) -> None:
     cycles.device, cycles.samples, cycles.use_denoising = "CPU", SAMPLES, False
     cycles.use_adaptive_sampling, cycles.adaptive_threshold, cycles.adaptive_min_samples = True, 0.05, 6
     cycles.max_bounces, cycles.transparent_max_bounces = 0, 64
+    render.use_stamp_filename = False  # a picture that is passed on must not tell where its file lies
     render.use_border = render.use_compositing = render.use_sequencer = False
     if hasattr(render.image_settings, "media_type"):
         render.image_settings.media_type = "IMAGE"
