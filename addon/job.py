@@ -26,7 +26,7 @@ from .membership import everything_evaluated
 from .mesh_arrays import bulk
 from .properties import read_options
 
-SOLVE_SHARE = 0.9
+SOLVE_SHARE = 0.75
 """Part of the progress bar that the solver takes; the rest is for asking it at corners and texels."""
 
 

@@ -14,7 +14,8 @@ from .worker import Worker
 REFUSALS = (SceneError, OptionError, MemoryError, OSError)
 """What is wrong with the input or the machine, said in one sentence; everything else is a defect and keeps its traceback."""
 
-POLL_SECONDS = 0.05
+POLL_SECONDS = 0.1
+"""How often the window looks after the solver."""
 
 _running: ENFILADE_OT_bake | None = None
 
@@ -205,10 +206,13 @@ class ENFILADE_OT_show_bake(bpy.types.Operator):
 
 
 def _redraw(context: bpy.types.Context) -> None:
+    """Draw the panels anew, and not the 3D viewports themselves: that would take the machine from the solver."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:
-            if area.type in ("PROPERTIES", "VIEW_3D", "STATUSBAR"):
-                area.tag_redraw()
+            kind = {"PROPERTIES": "WINDOW", "VIEW_3D": "UI"}.get(area.type)
+            for region in area.regions:
+                if region.type == kind:
+                    region.tag_redraw()
 
 
 def _sentence(error: BaseException) -> str:

@@ -58,7 +58,7 @@ class ENFILADE_PT_render(_RenderPanel, bpy.types.Panel):
         column = layout.column()
         column.active = operators.progress() is None
         column.prop(context.scene.enfilade.solve, "quality")
-        column.prop(context.scene.enfilade.bake, "target", expand=True)
+        column.row().prop(context.scene.enfilade.bake, "target", expand=True)
         _draw_after(layout, context)
 
 

@@ -18,7 +18,7 @@ from .photometry import stored_quantity
 from .scene import Scene, SceneError
 from .subdivision import subdivide
 
-BLOCK = 1 << 15
+BLOCK = 1 << 12
 """Points that are asked for at once."""
 
 
