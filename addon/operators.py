@@ -30,7 +30,7 @@ class ENFILADE_OT_bake(bpy.types.Operator):
 
     bl_idname = "enfilade.bake"
     bl_label = "Bake"
-    bl_options = {"REGISTER", "UNDO"}
+    bl_options = {"UNDO"}  # one step to undo; not "REGISTER", whose panel would bake again at a touch
 
     show: bpy.props.BoolProperty(
         name="Show", description="Show the light in the viewports when it is done", default=True, options={"SKIP_SAVE"}
