@@ -13,7 +13,15 @@ _Options = TypeVar("_Options", Options, BakeOptions)
 
 _MEGABYTE = 2**20
 _ABBREVIATIONS = {"exr": "OpenEXR", "png": "PNG"}
-_LABELS = {"order": "Basis Order", "average": "Polygons per Cluster", "emitters": "Shoot From", "name": "Bake Name"}
+_LABELS = {
+    "order": "Basis Order",
+    "average": "Cluster Size",
+    "emitters": "Shoot From",
+    "min_element_size": "Element Size",
+    "max_resolution": "Resolution",
+    "name": "Bake Name",
+}
+"""Names of options in the panels, where their own would be unclear or too long for a narrow panel."""
 
 
 def label(info: OptionInfo) -> str:
