@@ -265,7 +265,7 @@ def _open_pairs(bodies: Bodies, obstacles: _Obstacles, ia: np.ndarray, ib: np.nd
 
 
 def _assess(forest: Forest, estimate: Estimate, elements, bodies: Bodies, radius: np.ndarray, ia: np.ndarray, ib: np.ndarray) -> _Pairs:
-    form_a, form_b, distance = _form_factors(forest, elements, bodies, ia, ib)
+    form_a, form_b, distance = _form_factors(forest, elements, bodies, radius, ia, ib)
     root = np.sqrt(forest.area[elements]) / estimate.tolerance[forest.region[elements]]
     exitance, slope = estimate.exitance[elements], estimate.slope[elements]
     to_a, to_b = form_a * root[ia], form_b * root[ib]
@@ -348,16 +348,21 @@ def _face_each_other(bodies: Bodies, ia: np.ndarray, ib: np.ndarray, clearance: 
     return front
 
 
-def _form_factors(forest, elements, bodies, ia, ib):
-    """Unoccluded estimates (n,): part of the light of b in the irradiance at a and the reverse, and the distance of the centres."""
+def _form_factors(forest, elements, bodies, radius, ia, ib):
+    """Unoccluded estimates (n,): part of the light of b in the irradiance at a and the reverse, and the distance of the centres.
+
+    The cosines are those of the nearest points of the balls around both: the centres of two wide parallel plates a hand apart
+    may lie far off to the side of each other.
+    """
     offset = (bodies.centre[ib] - bodies.centre[ia]).astype(np.float64)
     distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-9)
+    gap = np.maximum(distance - radius[ia] - radius[ib], 1e-9)
     cosine = []
     for sign, i, j in ((1, ia, ib), (-1, ib, ia)):
         normal = bodies.normal[i]
         dot = lambda x, n=normal: np.einsum("ij,ij->i", x, n)  # noqa: E731
         top = sign * dot(offset) + np.abs(dot(bodies.half_u[j])) + np.abs(dot(bodies.half_v[j]))
-        cosine.append(np.clip(top / distance, 0, 1))
+        cosine.append(np.clip(top / gap, 0, 1))
     area = forest.area[elements]
     both = cosine[0] * cosine[1]
     sphere = np.pi * distance**2
