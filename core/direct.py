@@ -49,10 +49,17 @@ def luminaires_of(regions: Regions) -> Luminaires:
 
 @dataclass(frozen=True)
 class DirectLight:
-    """Irradiance (n, 3) float32 W/m2 of a block of points ``index`` (n,), and the pairs of lamp and blocker that it weighed."""
+    """Light of the luminaires at a block of points ``index`` (n,), and the pairs of lamp and blocker that it took.
+
+    irradiance : (n, 3) float32 W/m2
+    doubt : (n,) float32 W/m2, irradiance, largest channel, from the lamps that something hides at least in part, were it not there
+    veil : (n,) int64, the one blocker that alone hides all these lamps, -1 where there is none
+    """
 
     index: np.ndarray
     irradiance: np.ndarray
+    doubt: np.ndarray
+    veil: np.ndarray
     tests: int
 
 
@@ -89,7 +96,7 @@ def _light(building, luminaires, lamps, nearby, index, points, region) -> Direct
     regions = building.regions
     out = np.zeros((len(points), 3))
     if not len(lamps):
-        return DirectLight(index, out.astype(np.float32), 0)
+        return DirectLight(index, out.astype(np.float32), np.zeros(len(points), np.float32), np.full(len(points), -1), 0)
     eps = building.blockers.clearance
     normal = regions.normal[region].astype(np.float32)
     source = luminaires.region[lamps]
@@ -113,11 +120,22 @@ def _light(building, luminaires, lamps, nearby, index, points, region) -> Direct
     rows = np.searchsorted(doubtful, pair), blocker
     lamp = lamp_of_pair[doubtful]
     at = points[pair_point[doubtful]], normal[pair_point[doubtful]]
-    form[doubtful] = _seen(luminaires, lamp, *at, blockers, *rows)
+    bright = form[doubtful] * luminaires.exitance[lamp].max(1)
+    form[doubtful], veil_of_pair = _seen(luminaires, lamp, *at, blockers, *rows)
+    doubt = np.bincount(pair_point[doubtful], bright, minlength=len(points))
+    veil = _common(pair_point[doubtful], veil_of_pair, len(points))
     light = form[:, None] * luminaires.exitance[lamp_of_pair]
     for channel in range(3):
         out[:, channel] = np.bincount(pair_point, light[:, channel], minlength=len(points))
-    return DirectLight(index, out.astype(np.float32), len(pair))
+    return DirectLight(index, out.astype(np.float32), doubt.astype(np.float32), veil, len(pair))
+
+
+def _common(owner: np.ndarray, value: np.ndarray, count: int) -> np.ndarray:
+    """(count,) the value that all members of an owner share, -1 where they differ or there are none."""
+    low, high = np.full(count, np.iinfo(np.int64).max), np.full(count, -1)
+    np.minimum.at(low, owner, value)
+    np.maximum.at(high, owner, value)
+    return np.where(low == high, high, -1)
 
 
 def _seen(luminaires, lamp, points, normal, blockers, pair, blocker):

@@ -11,6 +11,9 @@ from .building import Building
 from .direct import Luminaires, direct_light
 from .elements import Forest
 
+UNSEEN = 0.05
+"""Part of the light of a lamp that an element's nodes see hidden, yet that may fall between them."""
+
 
 def illuminate(
     building: Building, forest: Forest, luminaires: Luminaires, tolerance: float, min_size: float, workers: int
@@ -28,10 +31,10 @@ def illuminate(
     while len(fresh):
         nodes = forest.nodes[fresh].reshape(-1, 3)
         region = np.repeat(forest.region[fresh], forest.node_count)
-        light = np.zeros((len(nodes), 3), np.float32)
+        light, doubt, veil = np.zeros((len(nodes), 3), np.float32), np.zeros(len(nodes), np.float32), np.full(len(nodes), -1)
         done = 0
         for part in direct_light(building, luminaires, nodes, region, workers):
-            light[part.index] = part.irradiance
+            light[part.index], doubt[part.index], veil[part.index] = part.irradiance, part.doubt, part.veil
             tests += part.tests
             done += len(part.index)
             yield 1 - 0.5 ** (rounds + done / len(nodes))
@@ -50,12 +53,20 @@ def illuminate(
             filters = basis.two_scale(forest.order).astype(np.float32)[forest.slot[fresh]]
             surprise = found - np.matmul(filters.transpose(0, 2, 1), own[parent])
         error = np.sqrt((surprise**2).sum(1)).max(1) * np.sqrt(forest.area[fresh])
+        error = np.maximum(error, UNSEEN * _hidden_light(doubt, veil, forest.node_count) * np.sqrt(forest.area[fresh]))
         parents = fresh[(error > limit[forest.region[fresh]]) & forest.can_split(fresh, min_size)]
         before = len(forest)
         forest.split(parents)
         fresh = np.arange(before, len(forest))
         own = np.concatenate([own, np.zeros((len(fresh), *own.shape[1:]), np.float32)])
     yield forest.pull(np.where(forest.leaf[:, None, None], own, 0)), room, tests
+
+
+def _hidden_light(doubt: np.ndarray, veil: np.ndarray, nodes: int) -> np.ndarray:
+    """(n,) W/m2 of lamps that some node of an element does not see, unless one blocker hides them from all nodes."""
+    doubt, veil = doubt.reshape(-1, nodes), veil.reshape(-1, nodes)
+    surely = (veil[:, 0] >= 0) & (veil == veil[:, :1]).all(1)
+    return np.where(surely, 0.0, doubt.max(1))
 
 
 def room_irradiance(building: Building, direct: np.ndarray) -> np.ndarray:

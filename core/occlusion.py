@@ -26,7 +26,7 @@ class Blockers:
 
     normal, dual_x, dual_y : (K, 3); offset : (K, 3). Coordinates of a point p are (normal, dual_x, dual_y) . p - offset:
     height above the plane (m) and x, y with |x|, |y| <= 1 inside a parallelogram, x, y >= 0 and x + y <= 1 inside a triangle
-    triangle : (K,) bool;  corners : (K, 4, 3), the last of a triangle repeated;  region : (K,) int32
+    triangle : (K,) bool;  corners : (K, 4, 3), the last of a triangle repeated;  region, id : (K,) int32, id is the number among all of the building
     clearance : points closer than this (m) to a blocker's plane are on it, and what starts on it is not cut by it
     """
 
@@ -37,6 +37,7 @@ class Blockers:
     triangle: np.ndarray
     corners: np.ndarray
     region: np.ndarray
+    id: np.ndarray
     clearance: float
 
     def __len__(self) -> int:
@@ -60,7 +61,7 @@ class Blockers:
 
     def take(self, index: np.ndarray) -> Blockers:
         """The blockers with the given indices."""
-        arrays = (self.normal, self.dual_x, self.dual_y, self.offset, self.triangle, self.corners, self.region)
+        arrays = (self.normal, self.dual_x, self.dual_y, self.offset, self.triangle, self.corners, self.region, self.id)
         return Blockers(*(x[index] for x in arrays), self.clearance)
 
 
@@ -88,7 +89,7 @@ def flat_blockers(
     # float32 places a point to extent * 6e-8, and three products of it are summed.
     clearance = max(1e-6, 1e-6 * extent)
     single = (z.astype(np.float32) for z in (normal, dual_x, dual_y, offset))
-    return Blockers(*single, triangle, corners.astype(np.float32), region.astype(np.int32), clearance)
+    return Blockers(*single, triangle, corners.astype(np.float32), region.astype(np.int32), np.arange(len(region), dtype=np.int32), clearance)
 
 
 @dataclass(frozen=True)

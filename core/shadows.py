@@ -26,8 +26,10 @@ def visible_form_factors(
     blockers: Blockers,
     pair: np.ndarray,
     blocker: np.ndarray,
-) -> np.ndarray:
-    """(n,) float64 form factor from points to what they see of polygons: irradiance over exitance.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Form factor (n,) float64 from points to what they see of polygons: irradiance over exitance.
+
+    Also (n,) int64 the ``id`` of a blocker that hides all of the polygon by itself, -1 where none does.
 
     points, normals : (n, 3), one point and one polygon make a pair
     outline_pair : (m,) sorted, outlines : (m, k, 3) float64, the convex pieces of the polygon of each pair
@@ -38,8 +40,9 @@ def visible_form_factors(
     owner, corners = outline_pair, outlines - points[outline_pair].astype(np.float64)[:, None]
     corners = clip_half(corners, np.einsum("nkd,nd->nk", corners, normals[owner]))
     meets, covers = _reach(points, owner, corners, blockers, pair, blocker)
-    dark = np.zeros(count, bool)
-    dark[pair[covers]] = True
+    veil = np.full(count, -1)
+    veil[pair[covers][::-1]] = blockers.id[blocker[covers][::-1]]
+    dark = veil >= 0
     meets &= ~dark[pair]
     pair, blocker = pair[meets], blocker[meets]
     owner, corners = owner[~dark[owner]], corners[~dark[owner]]
@@ -58,7 +61,7 @@ def visible_form_factors(
             break
         planes = _cones(blockers, blocker[start[owner] + turn], points[owner].astype(np.float64))
         owner, corners = _subtract(owner, corners, planes)
-    return out
+    return out, veil
 
 
 def _reach(points, owner, corners, blockers, pair, blocker) -> tuple[np.ndarray, np.ndarray]:
