@@ -138,7 +138,7 @@ def _bake(given: argparse.Namespace, line: ProgressLine, out: TextIO, err: TextI
             picture.render(context, reading, baked, written, given.picture.resolve())
         files.append(given.picture)
     if given.report is not None:
-        given.report.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+        given.report.write_text(json.dumps(figures, indent=2, default=float) + "\n", encoding="utf-8")
         files.append(given.report)
     what = f"{len(written.objects)} objects carry the light" if bake.target == "vertex" else f"{len(written.images)} lightmaps"
     out.write("\n".join([*summary(figures), what, *(f"written: {path}" for path in files)]) + "\n")

@@ -106,6 +106,7 @@ def extract(context: bpy.types.Context) -> Extraction:
             polygon = np.where(part.faces.triangle_polygon >= 0, part.faces.triangle_polygon + start, -1)
             modifiers = ", ".join(m.name for m in part.thing.modifiers)
             receivers.append(Receiver(part.thing.name, part.mesh, polygon, int(share.argmax()), part.in_place, modifiers))
+    _warn_of_inverted_shells(built, parts, room, warnings)
     checked, findings = check(
         Scene(
             name=scene.name,
@@ -330,6 +331,30 @@ def _warn_of_spanning(built, parts, open_cases, may, low, high, found, warnings)
         rooms = np.flatnonzero(touched[wide & (built.object[open_cases] == k)].any(axis=0))
         names = _names([found.room_names[r] for r in rooms])
         warnings.append(f"object '{parts[k].name}' has faces that reach over several rooms ({names}): cut them at the portals")
+
+
+def _warn_of_inverted_shells(built: _Built, parts: list[_Part], room: np.ndarray, warnings: list[str]) -> None:
+    """Name the objects that enclose all else in their room and turn their fronts away from it."""
+    centre, _ = _middles(built.vertices, built.corner_vertex, built.loop_start)
+    vector = face_area_vectors(built.vertices, built.corner_vertex, built.loop_start)
+    at, owner = built.vertices[built.corner_vertex], built.object[corner_faces(built.loop_start)]
+    low, high = np.full((len(parts), 3), np.inf), np.full((len(parts), 3), -np.inf)
+    np.minimum.at(low, owner, at)
+    np.maximum.at(high, owner, at)
+    with np.errstate(invalid="ignore"):
+        middle = 0.5 * (low + high)
+    outward = np.einsum("ij,ij->i", vector, centre - middle[built.object])
+    area = np.linalg.norm(vector, axis=1)
+    turned = np.bincount(built.object, area * (outward > 0), len(parts)) > 0.95 * np.bincount(built.object, area, len(parts))
+    for r in np.unique(room):
+        members = np.unique(built.object[room == r])
+        slack = 1e-3 * np.linalg.norm(high[members].max(0) - low[members].min(0))
+        around = (low[members] <= low[members].min(0) + slack).all(1) & (high[members] >= high[members].max(0) - slack).all(1)
+        solid = (high[members] - low[members] > slack).all(1)
+        for k in members[around & solid & turned[members]] if len(members) > 1 else ():
+            warnings.append(
+                f"object '{parts[k].name}' encloses its room but its faces look outward, where the light then falls: flip its normals"
+            )
 
 
 def _portals(built: _Built, room: np.ndarray, openings: list[_Opening], found: Membership) -> Portals:

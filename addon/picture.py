@@ -21,6 +21,9 @@ SAMPLES = 24
 SIZE = (1280, 960)
 """Of a picture whose view was chosen here."""
 
+BACKDROP = (0.012, 0.014, 0.018, 1.0)
+"""Linear colour behind a building that is seen from above."""
+
 MIDDLE = 0.32
 """The bright half of the building is shown at about this part of white."""
 
@@ -173,17 +176,33 @@ def _overview(scene: bpy.types.Scene, written: job.Written) -> list:
     back = Vector((-0.35, -0.62, 1.0)).normalized()
     camera.rotation_euler = (-back).to_track_quat("-Z", "Y").to_euler()
     turn = np.array(camera.rotation_euler.to_matrix())
-    middle = 0.5 * (low + high)
-    corners = (boxes.reshape(-1, 3) - middle) @ turn
+    corners = boxes.reshape(-1, 3) @ turn
+    middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    corners -= middle
     half = np.array([18.0 / data.lens, 18.0 / data.lens * SIZE[1] / SIZE[0]]) * 0.94
     distance = (np.abs(corners[:, :2]) / half + corners[:, 2:]).max()
-    camera.location = Vector(middle) + back * float(distance)
+    camera.location = Vector(turn @ middle) + back * float(distance)
     data.clip_start, data.clip_end = 0.01 * float(distance), 10.0 * float(distance)
     scene.camera = camera
+    sky, world = scene.world, _backdrop()
+    scene.world = world
 
     def remove() -> None:
         scene.camera = None
+        scene.world = sky
+        bpy.data.worlds.remove(world)
         bpy.data.objects.remove(camera)
         bpy.data.cameras.remove(data)
 
     return [remove, *undo]
+
+
+def _backdrop() -> bpy.types.World:
+    """A dark world that the building stands out from, its unlit parts too."""
+    world = bpy.data.worlds.new("Overview")
+    if world.node_tree is None:
+        world.use_nodes = True
+    for node in world.node_tree.nodes:
+        if node.type == "BACKGROUND":
+            node.inputs["Color"].default_value = BACKDROP
+    return world

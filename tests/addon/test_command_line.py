@@ -78,6 +78,7 @@ def test_the_scene_is_as_before_after_a_picture(shop, run, flat, tmp_path):
     bpy = shop.bpy
     assert bpy.context.scene.camera is None
     assert len(bpy.data.cameras) == 0
+    assert (bpy.context.scene.world, len(bpy.data.worlds)) == (None, 0)
     assert all(o.visible_camera for o in bpy.data.objects)
     assert not [m for m in bpy.data.materials if m.enfilade.made]
 

@@ -325,6 +325,16 @@ def test_vertices_that_are_no_numbers(shop):
         shop.extract()
 
 
+@pytest.mark.parametrize("inward", [True, False])
+def test_a_room_that_is_inside_out_is_named(shop, inward):
+    shop.box((0, 0, 0), (4, 3, 2.5), "Shell", inward=inward)
+    shop.box((1, 1, 0), (2, 2, 0.7), "Table", inward=False)
+    shop.mesh([(1, 1, 2.4), (1, 2, 2.4), (2, 2, 2.4), (2, 1, 2.4)], [(0, 1, 2, 3)], "Lamp", material=shop.material(emission=5.0))
+    said = [w for w in shop.extract().warnings if "look outward" in w]
+    assert len(said) == (0 if inward else 1)
+    assert inward or "'Shell'" in said[0]
+
+
 def test_lamps_and_world_are_named(shop):
     shop.box((0, 0, 0), (1, 1, 1))
     lamp = shop.bpy.data.objects.new("Bulb", shop.bpy.data.lights.new("Bulb", "POINT"))
