@@ -6,8 +6,6 @@ They also tell which rooms are closed: there every point must receive from all s
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from .building import Building
@@ -15,7 +13,7 @@ from .elements import Forest
 from .occlusion import first_hits
 from .parallel import ordered_map
 
-RAYS = 1 << 15
+RAYS = 1 << 16
 """Rays for a whole building; a room gets ``MIN_RAYS`` of them at least."""
 MIN_RAYS = 64
 
@@ -23,38 +21,41 @@ LEAK = 1e-2
 """Share of lost rays up to which a room counts as closed: what slips through seams, or starts in furniture that meets other furniture."""
 
 
-@dataclass(frozen=True)
-class Probe:
-    """Rays from points spread evenly over the surfaces of each room, cosine-distributed.
+def closed_rooms(building: Building, forest: Forest, workers: int) -> np.ndarray:
+    """(R,) bool: next to no ray from the surfaces of the room is lost."""
+    weight = np.where(building.regions.buried[forest.region], 0, 1)[:, None] * forest.node_weights
+    room, _, lost = _cast(building, forest, weight, workers)
+    return np.bincount(room, lost, minlength=building.room_count) <= LEAK * np.bincount(room, minlength=building.room_count)
 
-    element : (n,) int64 leaf, node : (n,) int64 of its nodes;  area : (n,) float64 m2 that the ray speaks for
-    lost : (n,) bool, the ray meets nothing, or the back of a surface;  room_closed : (R,) bool, next to no ray of the room is lost
+
+def escaped_power(building: Building, forest: Forest, irradiance: np.ndarray, workers: int) -> float:
+    """W, all channels together, that leave the building or strike backs. irradiance : (E, m, 3) of every element, W/m2.
+
+    Each ray carries the same part of the power of its room, so that a small lamp has as many as it has light.
     """
+    elements = np.arange(len(forest))
+    light = np.maximum(forest.at_nodes(elements, irradiance), 0)
+    exitance = forest.regions.emission[forest.region, None] + forest.regions.reflectance[forest.region, None] * light
+    weight = exitance.sum(2) * forest.node_weights * ~building.regions.buried[forest.region, None]
+    _, power, lost = _cast(building, forest, weight, workers)
+    return float(power[lost].sum())
 
-    element: np.ndarray
-    node: np.ndarray
-    area: np.ndarray
-    lost: np.ndarray
-    room_closed: np.ndarray
 
-
-def probe(building: Building, forest: Forest, workers: int) -> Probe:
-    """Send the rays."""
-    leaf = np.flatnonzero(forest.leaf & ~building.regions.buried[forest.region])
+def _cast(building: Building, forest: Forest, weight: np.ndarray, workers: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rays from the nodes of leaves, as many as their weight (E, q*q) asks for: room (n,), weight (n,) and (n,) bool lost of each."""
+    leaf = np.flatnonzero(forest.leaf)
     room = building.regions.room[forest.region[leaf]]
     leaf = leaf[np.argsort(room, kind="stable")]
-    room = np.sort(room)
-    weight = forest.node_weights[leaf].astype(np.float64).reshape(-1)
-    node_room = np.repeat(room, forest.node_count)
-    wall = np.bincount(node_room, weight, minlength=building.room_count)
-    number = np.maximum(MIN_RAYS, np.round(RAYS * wall / max(wall.sum(), 1e-300))).astype(np.int64) * (wall > 0)
-    # Equal steps along the running area of a room: points spread evenly over its surfaces.
-    running = np.cumsum(weight)
-    begin = np.cumsum(wall) - wall
+    node_room = np.repeat(np.sort(room), forest.node_count)
+    flat = weight[leaf].astype(np.float64).reshape(-1)
+    total = np.bincount(node_room, flat, minlength=building.room_count)
+    number = np.maximum(MIN_RAYS, np.round(RAYS * total / max(total.sum(), 1e-300))).astype(np.int64) * (total > 0)
+    # Equal steps along the running weight of a room: points spread evenly over its surfaces.
+    running, begin = np.cumsum(flat), np.cumsum(total) - total
     owner = np.repeat(np.arange(building.room_count), number)
     rank = np.arange(len(owner)) - np.repeat(np.cumsum(number) - number, number)
-    position = begin[owner] + (rank + 0.5) / number[owner] * wall[owner]
-    chosen = np.minimum(np.searchsorted(running, position), len(weight) - 1)
+    position = begin[owner] + (rank + 0.5) / number[owner] * total[owner]
+    chosen = np.minimum(np.searchsorted(running, position), len(flat) - 1)
     element, node = leaf[chosen // forest.node_count], chosen % forest.node_count
     direction = _directions(len(owner), building.regions, forest.region[element])
     lost = np.zeros(len(owner), bool)
@@ -66,20 +67,9 @@ def probe(building: Building, forest: Forest, workers: int) -> Probe:
         return rows, (hit < 0) | behind
 
     cuts = np.flatnonzero(np.diff(owner)) + 1
-    for rows, result in ordered_map(shoot, np.split(np.arange(len(owner)), cuts), workers):
+    for rows, result in ordered_map(shoot, np.split(np.arange(len(owner)), cuts) if len(owner) else [], workers):
         lost[rows] = result
-    closed = np.bincount(owner, lost, minlength=building.room_count) <= LEAK * number
-    return Probe(element, node, wall[owner] / np.maximum(number[owner], 1), lost, closed)
-
-
-def escaped_power(found: Probe, forest: Forest, irradiance: np.ndarray) -> np.ndarray:
-    """(3,) W that leave the building or strike backs. irradiance : (E, m, 3) of every element, ancestors included, W/m2."""
-    rows = np.flatnonzero(found.lost)
-    element = found.element[rows]
-    region = forest.region[element]
-    light = forest.at_nodes(element, irradiance[element])[np.arange(len(rows)), found.node[rows]]
-    exitance = forest.regions.emission[region] + forest.regions.reflectance[region] * light
-    return (exitance * found.area[rows, None]).sum(0)
+    return owner, total[owner] / np.maximum(number[owner], 1), lost
 
 
 def _directions(count: int, regions, region: np.ndarray) -> np.ndarray:

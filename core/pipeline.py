@@ -104,8 +104,8 @@ def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
     emitted = (surfaces.emission * (surfaces.area * ~surfaces.buried)[:, None]).sum(0)
     unit_of_region = clusters.cluster_of if options.emitters == "clusters" else surfaces.room
     units = len(clusters) if options.emitters == "clusters" else scene.room_count
-    rays = escape.probe(building, forest, workers)
-    gain = links.closing_gain(forest, linking.links, rays.room_closed[surfaces.room[forest.region]])
+    closed = escape.closed_rooms(building, forest, workers)
+    gain = links.closing_gain(forest, linking.links, closed[surfaces.room[forest.region]])
     shooter = Shooter(forest, linking.links, unit_of_region[forest.region], units, first, gain, float(emitted.sum()))
     for step in shooter.run(ordering.STRATEGIES[options.ordering], rng, limits.unshot, options.max_iterations):
         if isinstance(step, Shot):
@@ -117,11 +117,11 @@ def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
     clock.lap("solve")
     roots = np.arange(len(surfaces))
     absorbed = ((1 - surfaces.reflectance) * surfaces.area[:, None] * forest.mean(roots, first[roots] + radiosity.irradiance[roots])).sum(0)
-    escaped = escape.escaped_power(rays, forest, first + radiosity.irradiance)
+    escaped = escape.escaped_power(building, forest, first + radiosity.irradiance, workers)
     weight = surfaces.reflectance.max(initial=0.0)
     report = {
         "rooms": scene.room_count,
-        "rooms_closed": int(rays.room_closed.sum()),
+        "rooms_closed": int(closed.sum()),
         "polygons": scene.polygon_count,
         "clusters": len(clusters),
         "portals": len(scene.portals),
@@ -133,7 +133,7 @@ def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
         "unshot_fraction": float(radiosity.unshot.sum() / max(emitted.sum(), 1e-300)),
         "residual_bound": float(weight / (1 - weight) * radiosity.unshot_exitance) if weight < 1 else float("inf"),
         "dropped_bound": linking.dropped,
-        "energy": {"emitted": float(emitted.sum()), "absorbed": float(absorbed.sum()), "escaped": float(escaped.sum())},
+        "energy": {"emitted": float(emitted.sum()), "absorbed": float(absorbed.sum()), "escaped": escaped},
         "segment_tests": tests,
         "seconds": clock.seconds,
     }

@@ -28,9 +28,9 @@ class Tolerances:
 
 # Fractions of the root of a typical room's surface for min_size; the rest by measurement on the bench scenes.
 _TABLE = {
-    "draft": (4e-3, 4e-3, 1 / 24, 3e-3),
-    "good": (1e-3, 1e-3, 1 / 48, 1e-3),
-    "fine": (2.5e-4, 3e-4, 1 / 96, 3e-4),
+    "draft": (4e-3, 1.2e-2, 1 / 32, 3e-3),
+    "good": (5e-4, 3e-3, 1 / 72, 1e-3),
+    "fine": (1e-4, 8e-4, 1 / 144, 3e-4),
 }
 
 
