@@ -13,7 +13,7 @@ from .elements import Forest
 from .occlusion import first_hits
 from .parallel import ordered_map
 
-RAYS = 1 << 16
+RAYS = 1 << 15
 """Rays for a whole building; a room gets ``MIN_RAYS`` of them at least."""
 MIN_RAYS = 64
 
@@ -21,24 +21,29 @@ LEAK = 1e-2
 """Share of lost rays up to which a room counts as closed: what slips through seams, or starts in furniture that meets other furniture."""
 
 
-def closed_rooms(building: Building, forest: Forest, workers: int) -> np.ndarray:
-    """(R,) bool: next to no ray from the surfaces of the room is lost."""
-    weight = np.where(building.regions.buried[forest.region], 0, 1)[:, None] * forest.node_weights
+def lost_share(building: Building, forest: Forest, workers: int) -> np.ndarray:
+    """(R,) share of the rays from the surfaces of each room that no surface receives; a room is closed up to ``LEAK``."""
+    weight = ~building.regions.buried[forest.region, None] * forest.node_weights
     room, _, lost = _cast(building, forest, weight, workers)
-    return np.bincount(room, lost, minlength=building.room_count) <= LEAK * np.bincount(room, minlength=building.room_count)
+    number = np.bincount(room, minlength=building.room_count)
+    return np.bincount(room, lost, minlength=building.room_count) / np.maximum(number, 1)
 
 
-def escaped_power(building: Building, forest: Forest, irradiance: np.ndarray, workers: int) -> float:
-    """W, all channels together, that leave the building or strike backs. irradiance : (E, m, 3) of every element, W/m2.
+def escaped_power(building: Building, forest: Forest, irradiance: np.ndarray, share: np.ndarray, workers: int) -> float:
+    """W, all channels together, that leave the building or strike backs.
 
-    Each ray carries the same part of the power of its room, so that a small lamp has as many as it has light.
+    irradiance : (E, m, 3) of every element, W/m2;  share : (R,) of :func:`lost_share`. Rooms that are not closed cast rays
+    anew, each with the same part of the power of its room, so that a small lamp has as many as it has light.
     """
     elements = np.arange(len(forest))
     light = np.maximum(forest.at_nodes(elements, irradiance), 0)
     exitance = forest.regions.emission[forest.region, None] + forest.regions.reflectance[forest.region, None] * light
-    weight = exitance.sum(2) * forest.node_weights * ~building.regions.buried[forest.region, None]
-    _, power, lost = _cast(building, forest, weight, workers)
-    return float(power[lost].sum())
+    weight = exitance.sum(2) * forest.node_weights * ~building.regions.buried[forest.region, None] * forest.leaf[:, None]
+    room = building.regions.room[forest.region]
+    open_ = (share > LEAK)[room]
+    slow = float((weight.sum(1) * np.where(open_, 0, share[room])).sum())
+    _, power, lost = _cast(building, forest, weight * open_[:, None], workers)
+    return slow + float(power[lost].sum())
 
 
 def _cast(building: Building, forest: Forest, weight: np.ndarray, workers: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -175,12 +175,12 @@ def _buried(regions: Regions, blockers: Blockers, owner: np.ndarray, pieces: np.
         gone[rows] = _under_face(near, origin[rows], normal[rows])
         frame = np.stack([u[rows], v[rows], normal[rows]], axis=1)
         # One ray clears nearly all; only what sees a back by it is looked at all around.
+        left = np.flatnonzero(~gone[rows])
         for count in (1, _RAYS):
-            doubtful = np.flatnonzero(~gone[rows]) if count == 1 else doubtful[behind]
-            rays = np.einsum("rk,nkd->nrd", local[:count], frame[doubtful]).reshape(-1, 3).astype(np.float32)
-            _, behind = first_hits(near, np.repeat(origin[rows[doubtful]], count, 0).astype(np.float32), rays)
-            behind = behind.reshape(-1, count).all(1)
-        gone[rows[doubtful[behind]]] = True
+            rays = np.einsum("rk,nkd->nrd", local[:count], frame[left]).reshape(-1, 3).astype(np.float32)
+            _, behind = first_hits(near, np.repeat(origin[rows[left]], count, 0).astype(np.float32), rays)
+            left = left[behind.reshape(-1, count).all(1)]
+        gone[rows[left]] = True
     return gone
 
 

@@ -198,9 +198,10 @@ class Shafts:
         pairs, found = [], []
         for start, left in self._left(a, b):
             i, j = a[start : start + len(left)], b[start : start + len(left)]
-            some = np.flatnonzero(left.any(1))
-            pair, blocker = np.nonzero(np.unpackbits(left[some].view(np.uint8), axis=1))
-            pair = some[pair]
+            # Most words are empty: only the others are taken apart into their bits.
+            pair, word = np.nonzero(left)
+            row, bit = np.nonzero(np.unpackbits(left[pair, word][:, None].view(np.uint8), axis=1))
+            pair, blocker = pair[row], 64 * word[row] + bit
             near = self._near_axis(i, j, pair, blocker)
             pairs.append(pair[near] + start)
             found.append(blocker[near])
@@ -320,19 +321,22 @@ def first_hits(blockers: Blockers, origins: np.ndarray, directions: np.ndarray) 
     hit, behind = np.full(len(origins), -1), np.zeros(len(origins), bool)
     if not len(blockers):
         return hit, behind
-    step = max(1, (1 << 20) // len(blockers))
-    triangle = blockers.triangle[None]
+    step = max(1, (1 << 17) // len(blockers))
     for start in range(0, len(origins), step):
         here = slice(start, start + step)
         o, d = origins[here], directions[here]
         height = o @ blockers.normal.T - blockers.offset[:, 0]
         slope = d @ blockers.normal.T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t = -height / slope
-            x = o @ blockers.dual_x.T - blockers.offset[:, 1] + t * (d @ blockers.dual_x.T)
-            y = o @ blockers.dual_y.T - blockers.offset[:, 2] + t * (d @ blockers.dual_y.T)
-            inside = np.where(triangle, (x >= 0) & (y >= 0) & (x + y <= 1), (np.abs(x) <= 1) & (np.abs(y) <= 1))
-            t = np.where(inside & (t > 0) & (np.abs(height) > blockers.clearance), t, np.inf)
+        ahead = (height * slope < 0) & (np.abs(height) > blockers.clearance)
+        t = np.where(ahead, -height, np.inf)
+        np.divide(t, slope, out=t, where=ahead)
+        # Only what lies ahead in a blocker's plane is looked at in its frame.
+        ray, k = np.nonzero(ahead)
+        point = o[ray] + t[ray, k, None] * d[ray]
+        x = np.einsum("ij,ij->i", point, blockers.dual_x[k]) - blockers.offset[k, 1]
+        y = np.einsum("ij,ij->i", point, blockers.dual_y[k]) - blockers.offset[k, 2]
+        inside = np.where(blockers.triangle[k], (x >= 0) & (y >= 0) & (x + y <= 1), (np.abs(x) <= 1) & (np.abs(y) <= 1))
+        t[ray[~inside], k[~inside]] = np.inf
         nearest = t.argmin(1)
         row = np.arange(len(nearest))
         met = np.isfinite(t[row, nearest])

@@ -104,7 +104,8 @@ def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
     emitted = (surfaces.emission * (surfaces.area * ~surfaces.buried)[:, None]).sum(0)
     unit_of_region = clusters.cluster_of if options.emitters == "clusters" else surfaces.room
     units = len(clusters) if options.emitters == "clusters" else scene.room_count
-    closed = escape.closed_rooms(building, forest, workers)
+    lost = escape.lost_share(building, forest, workers)
+    closed = lost <= escape.LEAK
     gain = links.closing_gain(forest, linking.links, closed[surfaces.room[forest.region]])
     shooter = Shooter(forest, linking.links, unit_of_region[forest.region], units, first, gain, float(emitted.sum()))
     for step in shooter.run(ordering.STRATEGIES[options.ordering], rng, limits.unshot, options.max_iterations):
@@ -117,7 +118,7 @@ def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
     clock.lap("solve")
     roots = np.arange(len(surfaces))
     absorbed = ((1 - surfaces.reflectance) * surfaces.area[:, None] * forest.mean(roots, first[roots] + radiosity.irradiance[roots])).sum(0)
-    escaped = escape.escaped_power(building, forest, first + radiosity.irradiance, workers)
+    escaped = escape.escaped_power(building, forest, first + radiosity.irradiance, lost, workers)
     weight = surfaces.reflectance.max(initial=0.0)
     report = {
         "rooms": scene.room_count,

@@ -15,7 +15,7 @@ from .occlusion import Blockers
 from .polygons import clip_half
 from .transport import edge_sum
 
-_ROWS = 1 << 13
+_ROWS = 1 << 14
 
 
 def visible_form_factors(
@@ -65,20 +65,52 @@ def visible_form_factors(
 
 
 def _reach(points, owner, corners, blockers, pair, blocker) -> tuple[np.ndarray, np.ndarray]:
-    """(r,) bool: the cone of the row's blocker meets the polygon of the row's pair; and holds all of it. Most meet nothing."""
+    """(r,) bool: the cone of the row's blocker may meet the polygon of the row's pair; and surely holds all of it.
+
+    Most meet nothing, so this is done in float32 with rows running fastest; what rounding leaves open is left to the exact cut.
+    """
     first = np.searchsorted(owner, np.arange(len(points) + 1))
     meets, covers = np.zeros(len(pair), bool), np.zeros(len(pair), bool)
+    polygon = np.ascontiguousarray(corners.transpose(1, 2, 0), dtype=np.float32)
+    plates = np.ascontiguousarray(blockers.corners.transpose(1, 2, 0))
     for begin in range(0, len(pair), _ROWS):
         here = slice(begin, begin + _ROWS)
         p = pair[here]
-        planes = _cones(blockers, blocker[here], points[p].astype(np.float64))
         members, row = ragged(first[p], np.diff(first)[p])
-        low, high, slack = _heights(corners[members], planes[row])
-        touched = (high > slack).all(1)
-        held = (low >= -slack).all(1)
+        touched, held = _cone_test(plates[:, :, blocker[here]] - points[p].T, polygon, members, row)
         meets[here] = np.bincount(row[touched], minlength=len(p)) > 0
         covers[here] = np.bincount(row[held], minlength=len(p)) == np.diff(first)[p]
     return meets, covers
+
+
+def _cone_test(plate: np.ndarray, polygon: np.ndarray, members: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(m,) bool each: convex pieces ``polygon[:, :, members]`` may meet, surely lie in, the hidden side of plates (4, 3, r).
+
+    All corners are relative to the point that looks.
+    """
+    count = len(polygon)
+    touched, held = np.ones(len(members), bool), np.ones(len(members), bool)
+    corner = [polygon[k][:, members] for k in range(count)]
+    side = [np.cross(plate[k], plate[(k + 1) % 4], axis=0) for k in range(4)]
+    # Seen from the point all edges turn the same way; the diagonals tell which, also for a triangle with its double corner.
+    face = np.cross(plate[2] - plate[0], plate[3] - plate[1], axis=0)
+    away = (face * plate[0]).sum(0)
+    turn = np.sign(away)
+    for normal, offset in [*((n * turn, None) for n in side), (face * turn, np.abs(away))]:
+        # In float32 a product of three lengths keeps six digits of the largest.
+        slack = 1e-5 * np.sqrt((normal * normal).sum(0))[row]
+        normal = normal[:, row]
+        low = high = None
+        for c in corner:
+            height = normal[0] * c[0] + normal[1] * c[1] + normal[2] * c[2]
+            low = height if low is None else np.minimum(low, height)
+            high = height if high is None else np.maximum(high, height)
+        if offset is not None:
+            low, high = low - offset[row], high - offset[row]
+        # An edge seen end on, or between the two equal corners of a triangle, bounds nothing.
+        touched &= (high > -slack) | (slack == 0)
+        held &= (low > slack) | (slack == 0)
+    return touched, held
 
 
 def _heights(corners: np.ndarray, planes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
