@@ -121,7 +121,7 @@ def _cluster_groups(building: Building) -> list[np.ndarray]:
     fresh = np.r_[True, room[1:] != room[:-1]]
     run = np.flatnonzero(fresh)[np.cumsum(fresh) - 1]
     total = np.cumsum(size[order])
-    part = (total - total[run]) // 64
+    part = (total - total[run]) // 256
     cut = np.flatnonzero(fresh | np.r_[False, part[1:] != part[:-1]])
     return np.split(order, cut[1:])
 
