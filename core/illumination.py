@@ -46,13 +46,12 @@ def illuminate(
             wall = np.bincount(building.regions.room, building.regions.area, minlength=len(room))
             limit = (tolerance * room.max(1) * np.sqrt(wall))[building.regions.room]
             # A root has no parent to foresee it: all that is not constant in it counts as unforeseen.
-            surprise = found.copy()
-            surprise[:, 0] = 0
+            foreseen = forest.mean(fresh, found)[:, None]
         else:
-            parent = forest.parent[fresh]
             filters = basis.two_scale(forest.order).astype(np.float32)[forest.slot[fresh]]
-            surprise = found - np.matmul(filters.transpose(0, 2, 1), own[parent])
-        error = np.sqrt((surprise**2).sum(1)).max(1) * np.sqrt(forest.area[fresh])
+            foreseen = forest.at_nodes(fresh, np.matmul(filters.transpose(0, 2, 1), own[forest.parent[fresh]]))
+        surprise = light.reshape(-1, forest.node_count, 3) - foreseen
+        error = np.sqrt((surprise**2).mean(1)).max(1) * np.sqrt(forest.area[fresh])
         error = np.maximum(error, UNSEEN * _hidden_light(doubt, veil, forest.node_count) * np.sqrt(forest.area[fresh]))
         parents = fresh[(error > limit[forest.region[fresh]]) & forest.can_split(fresh, min_size)]
         before = len(forest)

@@ -227,7 +227,7 @@ def _treat(forest: Forest, obstacles: _Obstacles, estimate: Estimate, min_size: 
     )
     splittable = forest.can_split(elements, min_size)
     can_split = splittable[pairs.ia] | splittable[pairs.ib]
-    refine = can_split & (pairs.gain * LINEAR * (pairs.xa**2 + pairs.xb**2) > 1)
+    refine = can_split & (_misfit(pairs, forest.order) > 1)
     links, tests = [], 0
     points = _points(forest, elements, bodies)
     for one_a, one_b, rows in _modes(pairs, np.flatnonzero(~refine)):
@@ -281,6 +281,15 @@ def _worthwhile(pairs: _Pairs, area: np.ndarray, estimate: Estimate, elements: n
     rest = pairs.take(~worth)
     scale = estimate.tolerance[forest.region[elements]] * np.sqrt(area)  # back from admissible errors to watts
     return pairs.take(worth), float(np.sum(rest.gain_a * scale[rest.ia]) + np.sum(rest.gain_b * scale[rest.ib]))
+
+
+def _misfit(pairs: _Pairs, order: int) -> np.ndarray:
+    """(n,) error of an exchange between all nodes of both elements, in units of what is admissible."""
+    if order > 1:
+        return pairs.gain * LINEAR * (pairs.xa**2 + pairs.xb**2)
+    at_a = pairs.gain_a * (CONSTANT * pairs.xa + LINEAR * pairs.xb**2) + SLOPE * pairs.slope_b * pairs.xb
+    at_b = pairs.gain_b * (CONSTANT * pairs.xb + LINEAR * pairs.xa**2) + SLOPE * pairs.slope_a * pairs.xa
+    return np.maximum(at_a, at_b)
 
 
 def _modes(pairs: _Pairs, rows: np.ndarray) -> Iterator[tuple[bool, bool, np.ndarray]]:
