@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .clustering import Clusters
+from .clustering import ClusterItems, Clusters
 from .grouping import ragged
 from .occlusion import Blockers, flat_blockers
 from .regions import Regions
@@ -83,3 +83,23 @@ class Building:
         inside = self.regions_of(nearby)[0]
         meets = (self.regions.box_min[inside] <= high).all(1) & (self.regions.box_max[inside] >= low).all(1)
         return self.blockers_of(inside[meets])
+
+
+def items_of(surfaces: Regions) -> ClusterItems:
+    """Regions as things to be clustered, by the corners of their rectangles and the polygons that each stands for."""
+    places = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    origin = surfaces.origin + surfaces.centre
+    corners = np.stack([origin + x * surfaces.size[:, :1] * surfaces.u + y * surfaces.size[:, 1:] * surfaces.v for x, y in places], axis=1)
+    count = len(surfaces)
+    used = surfaces.polygon_region[surfaces.polygon_region >= 0]
+    return ClusterItems(
+        barycenter=surfaces.centroid + surfaces.centre,
+        normal=surfaces.normal,
+        box_min=surfaces.box_min + surfaces.centre,
+        box_max=surfaces.box_max + surfaces.centre,
+        smaller_edge=surfaces.size.min(1),
+        room=surfaces.room,
+        weight=np.bincount(used, minlength=count).astype(np.int64),
+        vertices=corners.reshape(-1, 3),
+        vertex_start=4 * np.arange(count + 1),
+    )

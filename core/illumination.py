@@ -112,3 +112,19 @@ def exitance_estimate(forest: Forest, direct: np.ndarray, room: np.ndarray) -> t
     mean = np.maximum(forest.mean(np.arange(len(forest)), direct), 0) + room[regions.room[forest.region]]
     slope = np.sqrt((direct[:, 1:].astype(np.float64) ** 2).sum(1))
     return (mean * reflectance).max(1), (slope * reflectance).max(1)
+
+
+def extended(forest: Forest, light: np.ndarray) -> np.ndarray:
+    """Coefficients of all elements (E, m, 3) from those of the first ones: a younger element is a part of its parent."""
+    own = np.zeros((len(forest), *light.shape[1:]), np.float32)
+    own[: len(light)] = light
+    total = forest.push(_differences(forest, own, len(light)))
+    return forest.pull(np.where(forest.leaf[:, None, None], total, 0))
+
+
+def _differences(forest: Forest, own: np.ndarray, known: int) -> np.ndarray:
+    """Coefficients such that a push from them gives ``own`` at the leaves among the first ``known`` elements."""
+    out = np.zeros_like(own)
+    was_leaf = (forest.children[:known] >= known).any(1) | (forest.children[:known] < 0).all(1)
+    out[:known][was_leaf] = own[:known][was_leaf]
+    return out

@@ -7,7 +7,9 @@ touch, the kernel is fitted to the exact polygon formula from either side: then 
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -48,6 +50,25 @@ def joined(sets: list[LinkSet]) -> list[LinkSet]:
         for group in groups
         if group
     ]
+
+
+def spill(links: list[LinkSet], budget: int, folder: Path) -> list[LinkSet]:
+    """The same links with at most ``budget`` bytes of exchanges in memory; the largest sets go to ``folder`` and are read from there.
+
+    Each becomes ``links-I-J-N.npy``: nodes of either side, and ways that light takes. Raises OSError when the disk refuses.
+    """
+    held = sum(group.exchange.nbytes for group in links)
+    out = list(links)
+    for k in sorted(range(len(links)), key=lambda k: -links[k].exchange.nbytes):
+        if held <= budget:
+            break
+        group = links[k]
+        i, j, both = group.shape
+        path = folder / f"links-{i}-{j}-{2 if both else 1}.npy"
+        np.save(path, group.exchange, allow_pickle=False)
+        out[k] = dataclasses.replace(group, exchange=np.load(path, mmap_mode="r", allow_pickle=False))
+        held -= group.exchange.nbytes
+    return out
 
 
 def received(forest: Forest, links: list[LinkSet], exitance: np.ndarray) -> np.ndarray:

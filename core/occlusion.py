@@ -26,7 +26,8 @@ class Blockers:
 
     normal, dual_x, dual_y : (K, 3); offset : (K, 3). Coordinates of a point p are (normal, dual_x, dual_y) . p - offset:
     height above the plane (m) and x, y with |x|, |y| <= 1 inside a parallelogram, x, y >= 0 and x + y <= 1 inside a triangle
-    triangle : (K,) bool;  corners : (K, 4, 3), the last of a triangle repeated;  region, id : (K,) int32, id is the number among all of the building
+    triangle : (K,) bool;  corners : (K, 4, 3), the last of a triangle repeated;  region : (K,) int32
+    id : (K,) int32, number among all blockers of the building
     clearance : points closer than this (m) to a blocker's plane are on it, and what starts on it is not cut by it
     """
 
@@ -89,7 +90,9 @@ def flat_blockers(
     # float32 places a point to extent * 6e-8, and three products of it are summed.
     clearance = max(1e-6, 1e-6 * extent)
     single = (z.astype(np.float32) for z in (normal, dual_x, dual_y, offset))
-    return Blockers(*single, triangle, corners.astype(np.float32), region.astype(np.int32), np.arange(len(region), dtype=np.int32), clearance)
+    return Blockers(
+        *single, triangle, corners.astype(np.float32), region.astype(np.int32), np.arange(len(region), dtype=np.int32), clearance
+    )
 
 
 @dataclass(frozen=True)

@@ -3,32 +3,23 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from . import (
-    clustering,
-    direct,
-    escape,
-    footprints,
-    illumination,
-    links,
-    occlusion,
-    ordering,
-    quality,
-    refinement,
-    regions,
-    visibility_graph,
-)
-from .building import Building, doors_of
+from . import clustering, escape, footprints, illumination, links, occlusion, ordering, quality, refinement, regions, visibility_graph
+from .building import Building, doors_of, items_of
+from .direct import luminaires_of
 from .elements import Forest
-from .options import Options
+from .options import OptionError, Options
 from .parallel import worker_count
+from .report import emitted_power, report_of
 from .scene import Scene
-from .shooting import Shooter, Shot
+from .shooting import Radiosity, Shooter, Shot
 from .solution import Solution
+from .stage_files import save_stage
 
 
 @dataclass(frozen=True)
@@ -53,128 +44,91 @@ def solve(scene: Scene, options: Options, progress: Callable[[Progress], None] |
 
 
 def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
-    """Solve a scene step by step; closing the generator cancels the run and leaves nothing behind."""
-    clock = _Clock()
-    workers = worker_count(options.threads)
-    rng = np.random.default_rng(options.seed)
+    """Solve a scene step by step; closing the generator cancels the run and leaves nothing behind.
 
+    Raises :class:`OptionError` when the options do not go together, OSError when the store cannot be written.
+    """
+    if options.memory and not options.store:
+        raise OptionError("option memory: what does not fit goes to disk, so name a folder for it with the option store")
+    clock, store = _Clock(), _Store(options.store)
+    workers, rng = worker_count(options.threads), np.random.default_rng(options.seed)
+
+    building, findings = yield from _build(scene, options, rng, clock, store)
+    surfaces = building.regions
+    limits = quality.tolerances(options, surfaces)
+    forest, lamps = Forest(surfaces, options.order), luminaires_of(surfaces)
+    first_shots = illumination.illuminate(building, forest, lamps, limits.direct, limits.min_size, workers)
+    light, room, shadow_tests = yield from _follow(first_shots, 0.06, 0.2, lambda: "Light of the luminaires")
+    estimate = _estimate(building, forest, light, room, limits.exchange)
+    oracle = refinement.link(building, forest, estimate, limits.min_size, workers)
+    linking = yield from _follow(oracle, 0.2, 0.7, lambda: f"Linking {len(forest)} elements")
+    exchanges = links.spill(linking.links, options.memory, store.folder) if options.memory else linking.links
+    light = illumination.extended(forest, light)
+
+    lost = escape.lost_share(building, forest, workers)
+    closed = lost <= escape.LEAK
+    gain = links.closing_gain(forest, exchanges, closed[surfaces.room[forest.region]])
+    by_cluster = options.emitters == "clusters"
+    unit, units = (building.clusters.cluster_of, len(building.clusters)) if by_cluster else (surfaces.room, scene.room_count)
+    shooter = Shooter(forest, exchanges, unit[forest.region], units, light, gain, emitted_power(building))
+    radiosity = yield from _shoot(shooter, options, rng, limits.unshot)
+    clock.lap("solve")
+
+    irradiance = light + radiosity.irradiance
+    escaped = escape.escaped_power(building, forest, irradiance, lost, workers)
+    report = report_of(scene.polygon_count, building, forest, linking, radiosity, irradiance, lost, closed, escaped)
+    report |= {"shadow_tests": shadow_tests, "warnings": list(findings), "seconds": clock.seconds}
+    solution = Solution(scene, building, forest, lamps, light, radiosity.irradiance, workers, report)
+    store.keep("light", solution.light)
+    return solution
+
+
+def _build(scene: Scene, options: Options, rng: np.random.Generator, clock: _Clock, store: _Store):
+    """Regions, clusters and their visibility graph, and the warnings of the graph."""
     yield Progress("merge", 0.0, "Merging coplanar polygons")
     surfaces = regions.merge(scene)
     blockers = occlusion.blockers_of(surfaces)
     surfaces = footprints.uncover(surfaces, blockers)
+    store.keep("regions", surfaces)
     clock.lap("merge")
 
     yield Progress("cluster", 0.02, f"Clustering {len(surfaces)} surfaces")
-    items = items_of(surfaces)
-    clusters = clustering.cluster_items(
-        items,
-        scene.room_count,
-        average=options.average,
-        distance=clustering.DISTANCE_FUNCTIONS[options.distance],
-        large_polygon=options.large_polygon,
-        rng=rng,
-    )
+    distance = clustering.DISTANCE_FUNCTIONS[options.distance]
+    sizes = {"average": options.average, "large_polygon": options.large_polygon}
+    clusters = clustering.cluster_items(items_of(surfaces), scene.room_count, distance=distance, rng=rng, **sizes)
+    store.keep("clusters", clusters)
     clock.lap("cluster")
 
     yield Progress("graph", 0.04, f"Visibility of {len(clusters)} clusters")
-    graph, _findings = visibility_graph.build(clusters, scene.portals, scene.room_names)
-    building = Building(surfaces, blockers, clusters, graph, doors_of(scene.portals, surfaces.centre), scene.room_count)
+    graph, findings = visibility_graph.build(clusters, scene.portals, scene.room_names)
+    store.keep("graph", graph)
     clock.lap("graph")
-
-    limits = quality.tolerances(options, surfaces)
-    forest = Forest(surfaces, options.order)
-    tests = 0
-    lamps = direct.luminaires_of(surfaces)
-    for step in illumination.illuminate(building, forest, lamps, limits.direct, limits.min_size, workers):
-        if isinstance(step, float):
-            yield Progress("solve", 0.06 + 0.14 * step, "Light of the luminaires")
-        else:
-            light, room, tests = step
-    estimate = refinement.Estimate(
-        *illumination.exitance_estimate(forest, light, room),
-        (limits.exchange * room.max(1) * np.sqrt(np.bincount(surfaces.room, surfaces.area, minlength=len(room))))[surfaces.room],
-    )
-    for step in refinement.link(building, forest, estimate, limits.min_size, workers):
-        if isinstance(step, float):
-            yield Progress("solve", 0.2 + 0.5 * step, f"Linking {len(forest)} elements")
-        else:
-            linking = step
-    tests += linking.segment_tests
-    first = _extended(forest, light)
-    emitted = (surfaces.emission * (surfaces.area * ~surfaces.buried)[:, None]).sum(0)
-    unit_of_region = clusters.cluster_of if options.emitters == "clusters" else surfaces.room
-    units = len(clusters) if options.emitters == "clusters" else scene.room_count
-    lost = escape.lost_share(building, forest, workers)
-    closed = lost <= escape.LEAK
-    gain = links.closing_gain(forest, linking.links, closed[surfaces.room[forest.region]])
-    shooter = Shooter(forest, linking.links, unit_of_region[forest.region], units, first, gain, float(emitted.sum()))
-    for step in shooter.run(ordering.STRATEGIES[options.ordering], rng, limits.unshot, options.max_iterations):
-        if isinstance(step, Shot):
-            yield Progress(
-                "solve", 0.7 + 0.3 * _share(step, limits.unshot), f"Iteration {step.iteration + 1}: {step.unshot_fraction:.2%} unshot"
-            )
-        else:
-            radiosity = step
-    clock.lap("solve")
-    roots = np.arange(len(surfaces))
-    absorbed = ((1 - surfaces.reflectance) * surfaces.area[:, None] * forest.mean(roots, first[roots] + radiosity.irradiance[roots])).sum(0)
-    escaped = escape.escaped_power(building, forest, first + radiosity.irradiance, lost, workers)
-    weight = surfaces.reflectance.max(initial=0.0)
-    report = {
-        "rooms": scene.room_count,
-        "rooms_closed": int(closed.sum()),
-        "polygons": scene.polygon_count,
-        "clusters": len(clusters),
-        "portals": len(scene.portals),
-        "pvs_polygons_max": int(graph.pvs_polygons.max(initial=0)),
-        "pvs_polygons_mean": float(graph.pvs_polygons.mean()),
-        "elements": len(forest),
-        "links": int(sum(len(s) for s in linking.links)),
-        "iterations": radiosity.iterations,
-        "unshot_fraction": float(radiosity.unshot.sum() / max(emitted.sum(), 1e-300)),
-        "residual_bound": float(weight / (1 - weight) * radiosity.unshot_exitance) if weight < 1 else float("inf"),
-        "dropped_bound": linking.dropped,
-        "energy": {"emitted": float(emitted.sum()), "absorbed": float(absorbed.sum()), "escaped": escaped},
-        "segment_tests": tests,
-        "seconds": clock.seconds,
-    }
-    return Solution(scene, building, forest, lamps, first, radiosity.irradiance, workers, report)
+    return Building(surfaces, blockers, clusters, graph, doors_of(scene.portals, surfaces.centre), scene.room_count), findings
 
 
-def items_of(surfaces: regions.Regions) -> clustering.ClusterItems:
-    """Regions as things to be clustered, by the corners of their rectangles and the polygons that each stands for."""
-    places = [(0, 0), (1, 0), (1, 1), (0, 1)]
-    origin = surfaces.origin + surfaces.centre
-    corners = np.stack([origin + x * surfaces.size[:, :1] * surfaces.u + y * surfaces.size[:, 1:] * surfaces.v for x, y in places], axis=1)
-    count = len(surfaces)
-    used = surfaces.polygon_region[surfaces.polygon_region >= 0]
-    return clustering.ClusterItems(
-        barycenter=surfaces.centroid + surfaces.centre,
-        normal=surfaces.normal,
-        box_min=surfaces.box_min + surfaces.centre,
-        box_max=surfaces.box_max + surfaces.centre,
-        smaller_edge=surfaces.size.min(1),
-        room=surfaces.room,
-        weight=np.bincount(used, minlength=count).astype(np.int64),
-        vertices=corners.reshape(-1, 3),
-        vertex_start=4 * np.arange(count + 1),
-    )
+def _follow(steps: Iterator, start: float, end: float, message: Callable[[], str]):
+    """Progress from ``start`` to ``end`` while a stage yields shares of its work; returns the result that it yields last."""
+    for step in steps:
+        if not isinstance(step, float):
+            return step
+        yield Progress("solve", start + (end - start) * step, message())
+    raise RuntimeError("a stage ended without a result")
 
 
-def _extended(forest: Forest, light: np.ndarray) -> np.ndarray:
-    """Coefficients of all elements (E, m, 3) from those of the first ones: a younger element is a part of its parent."""
-    own = np.zeros((len(forest), *light.shape[1:]), np.float32)
-    own[: len(light)] = light
-    total = forest.push(_differences(forest, own, len(light)))
-    return forest.pull(np.where(forest.leaf[:, None, None], total, 0))
+def _shoot(shooter: Shooter, options: Options, rng: np.random.Generator, tolerance: float):
+    for step in shooter.run(ordering.STRATEGIES[options.ordering], rng, tolerance, options.max_iterations):
+        if isinstance(step, Radiosity):
+            return step
+        message = f"Iteration {step.iteration + 1}: {step.unshot_fraction:.2%} unshot"
+        yield Progress("solve", 0.7 + 0.3 * _share(step, tolerance), message)
+    raise RuntimeError("the shooting ended without a result")
 
 
-def _differences(forest: Forest, own: np.ndarray, known: int) -> np.ndarray:
-    """Coefficients such that a push from them gives ``own`` at the leaves among the first ``known`` elements."""
-    out = np.zeros_like(own)
-    was_leaf = (forest.children[:known] >= known).any(1) | (forest.children[:known] < 0).all(1)
-    out[:known][was_leaf] = own[:known][was_leaf]
-    return out
+def _estimate(building: Building, forest: Forest, light: np.ndarray, room: np.ndarray, exchange: float) -> refinement.Estimate:
+    """What the oracle goes by: ``light`` (E, m, 3) of the luminaires, and the mean irradiance of each ``room`` (R, 3)."""
+    wall = np.bincount(building.regions.room, building.regions.area, minlength=len(room))
+    limit = exchange * room.max(1) * np.sqrt(wall)
+    return refinement.Estimate(*illumination.exitance_estimate(forest, light, room), limit[building.regions.room])
 
 
 def _share(shot: Shot, tolerance: float) -> float:
@@ -182,6 +136,20 @@ def _share(shot: Shot, tolerance: float) -> float:
     if shot.unshot_fraction <= tolerance:
         return 1.0
     return float(np.clip(np.log(max(shot.unshot_fraction, 1e-12)) / np.log(tolerance), 0, 1)) if shot.unshot_fraction < 1 else 0.0
+
+
+class _Store:
+    """The folder that receives the result of every stage, if the user named one."""
+
+    def __init__(self, folder: str) -> None:
+        self.folder = Path(folder)
+        self._wanted = bool(folder)
+        if folder:
+            self.folder.mkdir(parents=True, exist_ok=True)
+
+    def keep(self, stage: str, result: object) -> None:
+        if self._wanted:
+            save_stage(result, self.folder / f"{stage}.npz")
 
 
 class _Clock:

@@ -85,15 +85,14 @@ def link(building: Building, forest: Forest, estimate: Estimate, min_size: float
     blocks = [block for k, (_, a, b) in enumerate(starts) for block in _blocks_of(k, a, b)]
     links, dropped, tests, rounds = [], 0.0, 0, 0
     while blocks:
-        total, done, outcomes = len(blocks), 0, []
+        outcomes = []
 
         def treat(block: _Block, estimate=estimate) -> _Outcome:
             return _treat(forest, obstacles[block.start], estimate, min_size, block)
 
         for outcome in ordered_map(treat, blocks, workers):
             outcomes.append(outcome)
-            done += 1
-            yield 1 - 0.5 ** (rounds + done / total)
+            yield 1 - 0.5 ** (rounds + len(outcomes) / len(blocks))
         rounds += 1
         links = joined(links + [s for o in outcomes for s in o.links])
         dropped += sum(o.dropped for o in outcomes)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,6 +15,22 @@ from .scene import Scene
 
 EDGE = 1e-4
 """Points on the edge of a polygon are moved in by this part of its region's size: on the edge itself light is undefined."""
+
+
+@dataclass(frozen=True)
+class Light:
+    """The light on every element, as it is saved; E elements, m coefficients.
+
+    region, level : (E,);  children : (E, 4), -1 where there is none;  box : (E, 4) u, v, width, height in the region's frame, m
+    direct, reflected : (E, m, 3) float32 irradiance coefficients, ancestors included, W/m2
+    """
+
+    region: np.ndarray
+    level: np.ndarray
+    children: np.ndarray
+    box: np.ndarray
+    direct: np.ndarray
+    reflected: np.ndarray
 
 
 class Solution:
@@ -36,6 +53,12 @@ class Solution:
         self._scene, self._building, self._forest = scene, building, forest
         self._luminaires, self._direct, self._reflected, self._workers = luminaires, direct, reflected, workers
         self.report = report
+
+    @property
+    def light(self) -> Light:
+        """The light on the elements, as arrays."""
+        forest = self._forest
+        return Light(forest.region, forest.level, forest.children, forest.box, self._direct, self._reflected)
 
     def irradiance(self, points: np.ndarray, polygon: np.ndarray) -> np.ndarray:
         """(N, 3) float32 W/m2 on the fronts of ``polygon`` (N,) at ``points`` (N, 3) world positions, own emission excluded.
