@@ -75,10 +75,10 @@ def decompose(scene: Scene) -> Pieces:
     k = np.arange(len(owner)) - np.repeat(np.cumsum(triangles) - triangles, triangles)
     parts.append((corner(owner, 0), corner(owner, k + 1), corner(owner, k + 2), np.ones(len(owner), bool), owner))
 
-    # Only concave and holed polygons come here one by one: ear clipping is sequential by nature, and they are few.
+    # Only concave and holed polygons come here one by one: they are few, and each has slabs of its own.
     for p in np.flatnonzero(alive & ~convex):
-        t = _clip_ears(scene, p, normal[p])
-        parts.append((t[:, 0], t[:, 1], t[:, 2], np.ones(len(t), bool), np.full(len(t), p)))
+        piece, triangle = _slabs(scene, p, normal[p])
+        parts.append((piece[:, 0], piece[:, 1], piece[:, 2], triangle, np.full(len(piece), p)))
     o, a, b, triangle, polygon = (np.concatenate(column) for column in zip(*parts, strict=True))
     order = np.argsort(polygon, kind="stable")
     pieces = Pieces(o[order], (a - o)[order], (b - o)[order], triangle[order], polygon[order].astype(np.int32))
@@ -103,62 +103,42 @@ def _convex(scene: Scene, normal: np.ndarray) -> np.ndarray:
     return ~concave
 
 
-def _clip_ears(scene: Scene, p: int, normal: np.ndarray) -> np.ndarray:
-    """(n, 3, 3) triangles of one polygon, its holes joined to the outer loop by bridges."""
-    u = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+def _slabs(scene: Scene, p: int, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pieces of one polygon with holes or reflex corners: (n, 3, 3) their corners origin, a, b, and (n,) bool triangle.
+
+    Cut across its longest edge at every corner, the polygon falls into trapezoids (even-odd in every slab); those of
+    walls with doors and windows are rectangles.
+    """
+    loops = range(scene.polygon_start[p], scene.polygon_start[p + 1])
+    rings = [scene.vertices[scene.corner_vertex[scene.loop_start[k] : scene.loop_start[k + 1]]] for k in loops]
+    start, end = np.concatenate(rings), np.concatenate([np.roll(ring, -1, 0) for ring in rings])
+    edge = end - start
+    u = edge[np.argmax((edge**2).sum(1))]
+    u = u - (u @ normal) * normal
     u /= np.linalg.norm(u)
     v = np.cross(normal, u)
-    rings = []
-    for loop in range(scene.polygon_start[p], scene.polygon_start[p + 1]):
-        ring = scene.vertices[scene.corner_vertex[scene.loop_start[loop] : scene.loop_start[loop + 1]]]
-        rings.append(list(ring))
-    flat = lambda x: np.array([x @ u, x @ v])  # noqa: E731
-    outer = rings[0]
-    for hole in sorted(rings[1:], key=lambda ring: -max(flat(x)[0] for x in ring)):
-        outer = _bridge(outer, hole, flat)
-    points = np.array([flat(x) for x in outer])
-    ring, out = list(range(len(outer))), []
-    while len(ring) > 3:
-        for i in range(len(ring)):
-            a, b, c = ring[i - 1], ring[i], ring[(i + 1) % len(ring)]
-            if _cross(points[a], points[b], points[c]) <= 1e-15:
-                continue
-            rest = points[[k for k in ring if k not in (a, b, c)]]
-            inside = (
-                (_cross(points[a], points[b], rest) > 1e-15)
-                & (_cross(points[b], points[c], rest) > 1e-15)
-                & (_cross(points[c], points[a], rest) > 1e-15)
-            )
-            if not inside.any():
-                break
-        else:  # only slivers of rounding are left
-            i = min(range(len(ring)), key=lambda k: abs(_cross(points[ring[k - 1]], points[ring[k]], points[ring[(k + 1) % len(ring)]])))
-        out.append((ring[i - 1], ring[i], ring[(i + 1) % len(ring)]))
-        ring.pop(i)
-    out.append(tuple(ring))
-    return np.array(outer)[np.array(out)]
-
-
-def _bridge(outer: list, hole: list, flat) -> list:
-    """Join a hole to the ring around it along the shortest segment that crosses neither."""
-    ring, inner = np.array([flat(x) for x in outer]), np.array([flat(x) for x in hole])
-    starts, ends = np.concatenate([ring, inner]), np.concatenate([np.roll(ring, -1, 0), np.roll(inner, -1, 0)])
-    distance = np.linalg.norm(ring[:, None] - inner[None], axis=2)
-    for i, j in zip(*np.unravel_index(np.argsort(distance, axis=None), distance.shape), strict=True):
-        p, q = ring[i], inner[j]
-        straddles = (_cross(p, q, starts) * _cross(p, q, ends) < -1e-18) & (_side(starts, ends, p) * _side(starts, ends, q) < -1e-18)
-        if not straddles.any():
-            break
-    return outer[: i + 1] + hole[j:] + hole[: j + 1] + outer[i:]
-
-
-def _cross(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """Twice the signed area of the triangles a, b, c of the plane."""
-    return (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0])
-
-
-def _side(a: np.ndarray, b: np.ndarray, point: np.ndarray) -> np.ndarray:
-    return (b[:, 0] - a[:, 0]) * (point[1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (point[0] - a[:, 0])
+    origin = start[0]
+    a, b = ((x - origin) @ np.stack([u, v], 1) for x in (start, end))
+    turned = a[:, 0] > b[:, 0]
+    a[turned], b[turned] = b[turned], a[turned].copy()
+    bounds = np.sort(np.concatenate([a[:, 0], b[:, 0]]))
+    eps = 1e-9 * max(bounds[-1] - bounds[0], 1e-9)
+    bounds = bounds[np.r_[True, np.diff(bounds) > eps]]
+    x0, x1 = bounds[:-1, None], bounds[1:, None]
+    slab, k = np.nonzero((a[None, :, 0] <= x0 + eps) & (b[None, :, 0] >= x1 - eps))
+    slope = (b[k, 1] - a[k, 1]) / (b[k, 0] - a[k, 0])
+    left, right = (a[k, 1] + (x[slab, 0] - a[k, 0]) * slope for x in (x0, x1))
+    order = np.lexsort((left + right, slab))
+    slab, left, right = slab[order][::2], left[order], right[order]
+    low, high = np.stack([left[::2], right[::2]], 1), np.stack([left[1::2], right[1::2]], 1)
+    place = lambda x, y: origin + x[:, None] * u + y[:, None] * v  # noqa: E731
+    x0, x1 = x0[slab, 0], x1[slab, 0]
+    corner = [place(x0, low[:, 0]), place(x1, low[:, 1]), place(x1, high[:, 1]), place(x0, high[:, 0])]
+    regular = np.abs((high - low)[:, 0] - (high - low)[:, 1]) <= PARALLELOGRAM_TOLERANCE * (high - low).max(1)
+    parts = [(corner[0], corner[1], corner[3], regular)]
+    parts += [(corner[0], corner[1], corner[2], ~regular), (corner[0], corner[2], corner[3], ~regular)]
+    pieces = np.concatenate([np.stack(part[:3], 1)[part[3]] for part in parts])
+    return pieces, np.arange(len(pieces)) >= regular.sum()
 
 
 def clip_to_boxes(polygons: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:

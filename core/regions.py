@@ -20,6 +20,7 @@ WELD = 1e-5
 PLANE_TOLERANCE = 1e-4
 """Largest distance (m) of a polygon from the plane of the region that it joins."""
 _DIRECTIONS = 8
+_GRID = 33
 
 
 @dataclass(frozen=True)
@@ -106,10 +107,14 @@ def merge(scene: Scene) -> Regions:
     origin = low[:, :1] * u + low[:, 1:] * v + height[:, None] * normal
     to_uv = lambda x: np.stack([np.einsum("ij,ij->i", x, u[region]), np.einsum("ij,ij->i", x, v[region])], axis=1)  # noqa: E731
     piece = (to_uv(pieces.origin[order] - centre) - low[region], to_uv(pieces.a[order]), to_uv(pieces.b[order]), pieces.triangle[order])
+    region, piece = _once(region, piece)
     area = np.bincount(region, np.abs(_cross(piece[1], piece[2])) * np.where(piece[3], 0.5, 1.0), minlength=count)
     size = np.maximum(high - low, 1e-9)
     full = area >= (1 - 1e-6) * size.prod(1)
-    area = np.minimum(area, size.prod(1))  # overlapping polygons of one region count once where they fill it
+    # More area than the rectangle has: polygons lie upon each other, and may still leave a hole.
+    over = np.flatnonzero(area > (1 + 1e-6) * size.prod(1))
+    full[over] = _fills(over, region, piece, size)
+    area = np.minimum(area, size.prod(1))
     region, piece = _simplify(region, piece, full, size)
     first = np.full(count, scene.polygon_count)
     np.minimum.at(first, polygon_region[used], used)
@@ -215,6 +220,33 @@ def _frame_direction(region, a, b, triangle, normal, corners, corner_piece):
     rounded = np.round(np.log(np.maximum(rectangle, 1e-30)), 6)
     chosen = np.lexsort((np.arange(len(group)), rounded, group))
     return candidate[chosen[starts_of(group[chosen], count)[:-1]]]
+
+
+def _once(region, piece):
+    """The pieces without those that are there already: a face that a scene holds twice is one surface."""
+    corners = _outlines(*piece).mean(1)
+    spans = np.sort(np.abs(np.concatenate([piece[1] + piece[2], piece[1] - piece[2]], axis=1)), axis=1)
+    key = np.column_stack([region, np.round(corners / WELD), np.round(spans / WELD), piece[3]])
+    first = np.sort(np.unique(key, axis=0, return_index=True)[1])
+    return region[first], tuple(x[first] for x in piece)
+
+
+def _fills(chosen, region, piece, size):
+    """(n,) bool: the pieces of each chosen region hold every point of a grid on its rectangle."""
+    grid = (np.arange(_GRID) + 0.5) / _GRID
+    unit = np.stack(np.meshgrid(grid, grid, indexing="ij"), -1).reshape(-1, 2)
+    start = starts_of(region, len(size))
+    members, row = ragged(start[chosen], np.diff(start)[chosen])
+    origin, a, b, triangle = (x[members] for x in piece)
+    offset = unit[None] * size[chosen][row][:, None] - origin[:, None]
+    det = _cross(a, b)[:, None]
+    s = (offset[..., 0] * b[:, None, 1] - offset[..., 1] * b[:, None, 0]) / det
+    t = (a[:, None, 0] * offset[..., 1] - a[:, None, 1] * offset[..., 0]) / det
+    eps = 1e-9
+    inside = (s >= -eps) & (t >= -eps) & np.where(triangle[:, None], s + t <= 1 + eps, (s <= 1 + eps) & (t <= 1 + eps))
+    held = np.zeros((len(chosen), len(unit)), bool)
+    np.logical_or.at(held, row, inside)
+    return held.all(1)
 
 
 def _simplify(region, piece, full, size):

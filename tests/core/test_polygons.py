@@ -115,15 +115,10 @@ def outlines(cells):
     return sorted(loops, key=lambda x: -shoelace(x))
 
 
-ON_A_DIAGONAL = pytest.mark.xfail(strict=True, reason="a corner on the open side of an ear does not stop it from being cut")
-
-
-@ON_A_DIAGONAL
 def test_a_symmetric_l():
     check_cover([np.array([[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]], float)])
 
 
-@ON_A_DIAGONAL
 def test_rooms_on_a_grid():
     # Corners of rooms on a grid lie on many a diagonal of others.
     rng = np.random.default_rng(0)

@@ -162,7 +162,6 @@ def test_faces_that_lie_upon_each_other_count_once():
     assert regions.full[0]
 
 
-@pytest.mark.xfail(strict=True, reason="areas of faces that lie upon each other are added up")
 @pytest.mark.parametrize("twice", [1, 3, 22])
 def test_a_face_that_is_there_twice_fills_no_door(twice):
     wall = wall_with_a_door()
