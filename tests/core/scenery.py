@@ -1,8 +1,8 @@
 """Small scenes for the tests of the numerical core, and the first stages of a solve on them."""
 
 import numpy as np
-from enfilade.core import clustering, footprints, occlusion, pipeline, regions, visibility_graph
-from enfilade.core.building import Building, doors_of
+from enfilade.core import clustering, footprints, occlusion, regions, visibility_graph
+from enfilade.core.building import Building, doors_of, items_of
 from enfilade.core.scene import Portals, Scene, no_portals
 
 
@@ -81,7 +81,7 @@ def building_of(scene: Scene, average=50, large_polygon=1.0, seed=0) -> Building
     blockers = occlusion.blockers_of(surfaces)
     surfaces = footprints.uncover(surfaces, blockers)
     clusters = clustering.cluster_items(
-        pipeline.items_of(surfaces),
+        items_of(surfaces),
         scene.room_count,
         average=average,
         distance=clustering.DISTANCE_FUNCTIONS["barycenter"],
