@@ -13,7 +13,7 @@ import numpy as np
 from . import transport
 from .building import Building
 from .grouping import ragged, starts_of
-from .occlusion import Bodies, ShaftIndex, Shafts
+from .occlusion import Blockers, Bodies, ShaftIndex, Shafts
 from .parallel import ordered_map
 from .regions import Regions
 from .shadows import visible_form_factors
@@ -93,41 +93,89 @@ def direct_light(building: Building, luminaires: Luminaires, points: np.ndarray,
 
 
 def _light(building, luminaires, lamps, nearby, index, points, region) -> DirectLight:
-    regions = building.regions
-    out = np.zeros((len(points), 3))
-    if not len(lamps):
-        return DirectLight(index, out.astype(np.float32), np.zeros(len(points), np.float32), np.full(len(points), -1), 0)
-    eps = building.blockers.clearance
-    normal = regions.normal[region].astype(np.float32)
-    source = luminaires.region[lamps]
-    facing = regions.normal[source].astype(np.float32)
-    anchor = luminaires.outlines[luminaires.outline_start[lamps], 0].astype(np.float32)
-    in_front = points @ facing.T - np.einsum("ij,ij->i", anchor, facing) > eps
-    pair_point, pair_lamp = np.nonzero(in_front)
-    form = np.zeros(len(pair_point))
-    lamp_of_pair = lamps[pair_lamp]
-    for start in range(0, len(pair_point), _PAIR_BLOCK):
-        here = slice(start, start + _PAIR_BLOCK)
-        members, row = ragged(luminaires.outline_start[lamp_of_pair[here]], np.diff(luminaires.outline_start)[lamp_of_pair[here]])
-        p = pair_point[here][row]
-        factor = transport.lambert(points[p], normal[p], luminaires.outlines[members])
-        form[here] = np.bincount(row, factor, minlength=len(pair_point[here]))
+    count = len(points)
+    if not count or not len(lamps):
+        return DirectLight(index, np.zeros((count, 3), np.float32), np.zeros(count, np.float32), np.full(count, -1), 0)
+    bodies = _bodies(building, luminaires.region[lamps], points, region)
+    point, lamp = _pairs(building, luminaires, lamps, bodies, region)
+    form = _form_factors(luminaires, lamps[lamp], points[point], bodies.normal[point])
     some = np.flatnonzero(form > 0)
-    pair_point, pair_lamp, lamp_of_pair, form = pair_point[some], pair_lamp[some], lamp_of_pair[some], form[some]
-    shafts, blockers = _lamp_shafts(building, luminaires, lamps, nearby, points, normal)
-    pair, blocker = shafts.candidates(pair_point, len(points) + pair_lamp)
+    point, lamp, form = point[some], lamp[some], form[some]
+    blockers = _blockers(building, luminaires.region[lamps[np.unique(lamp)]], nearby, points)
+    pair, blocker = Shafts(bodies, ShaftIndex(blockers)).candidates(point, count + lamp)
     doubtful = np.unique(pair)
+    at, source = point[doubtful], lamps[lamp[doubtful]]
+    bright = form[doubtful] * luminaires.exitance[source].max(1)
+    members, owner = ragged(luminaires.outline_start[source], np.diff(luminaires.outline_start)[source])
+    outlines = luminaires.outlines[members]
     rows = np.searchsorted(doubtful, pair), blocker
-    lamp = lamp_of_pair[doubtful]
-    at = points[pair_point[doubtful]], normal[pair_point[doubtful]]
-    bright = form[doubtful] * luminaires.exitance[lamp].max(1)
-    form[doubtful], veil_of_pair = _seen(luminaires, lamp, *at, blockers, *rows)
-    doubt = np.bincount(pair_point[doubtful], bright, minlength=len(points))
-    veil = _common(pair_point[doubtful], veil_of_pair, len(points))
-    light = form[:, None] * luminaires.exitance[lamp_of_pair]
-    for channel in range(3):
-        out[:, channel] = np.bincount(pair_point, light[:, channel], minlength=len(points))
-    return DirectLight(index, out.astype(np.float32), doubt.astype(np.float32), veil, len(pair))
+    form[doubtful], veil = visible_form_factors(points[at], bodies.normal[at], owner, outlines, blockers, *rows)
+    light = form[:, None] * luminaires.exitance[lamps[lamp]]
+    irradiance = np.stack([np.bincount(point, light[:, k], minlength=count) for k in range(3)], 1).astype(np.float32)
+    doubt = np.bincount(at, bright, minlength=count).astype(np.float32)
+    return DirectLight(index, irradiance, doubt, _common(at, veil, count), len(pair))
+
+
+def _bodies(building: Building, source: np.ndarray, points: np.ndarray, region: np.ndarray) -> Bodies:
+    """The points (bodies 0..n-1) and the lamps on the regions ``source`` (bodies n..)."""
+    regions = building.regions
+    half = 0.5 * regions.size[source]
+    zero = np.zeros_like(points)
+    parts = (
+        (points, regions.world(source, half)),
+        (zero, half[:, :1] * regions.u[source]),
+        (zero, half[:, 1:] * regions.v[source]),
+        (regions.normal[region], regions.normal[source]),
+    )
+    return Bodies(*(np.concatenate(part).astype(np.float32) for part in parts))
+
+
+def _pairs(building: Building, luminaires: Luminaires, lamps: np.ndarray, bodies: Bodies, region: np.ndarray):
+    """Pairs (point, lamp) of points in front of a lamp that, in another room, lies beyond a portal of either room."""
+    count = len(region)
+    facing = bodies.normal[count:]
+    anchor = luminaires.outlines[luminaires.outline_start[lamps], 0].astype(np.float32)
+    height = bodies.centre[:count] @ facing.T - np.einsum("ij,ij->i", anchor, facing)
+    point, lamp = np.nonzero(height > building.blockers.clearance)
+    here, there = building.regions.room[region[0]], building.regions.room[luminaires.region[lamps]]
+    same = there[lamp] == here
+    found = [(point[same], lamp[same])]
+    point, lamp = _through(building, here, bodies, count, point[~same], lamp[~same])
+    for room in np.unique(there[lamp]):
+        mine = there[lamp] == room
+        found.append(_through(building, room, bodies, count, point[mine], lamp[mine]))
+    point, lamp = (np.concatenate(side) for side in zip(*found, strict=True))
+    order = np.lexsort((lamp, point))
+    return point[order], lamp[order]
+
+
+def _through(building: Building, room: int, bodies: Bodies, count: int, point: np.ndarray, lamp: np.ndarray):
+    """The pairs whose shaft meets a portal of ``room``."""
+    if not len(point):
+        return point, lamp
+    used, index = np.unique(np.concatenate([point, count + lamp]), return_inverse=True)
+    shafts = Shafts(bodies.take(used), ShaftIndex(building.doors.of_room(room)))
+    passes = shafts.crossed(index[: len(point)], index[len(point) :])
+    return point[passes], lamp[passes]
+
+
+def _form_factors(luminaires: Luminaires, lamp: np.ndarray, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """(n,) unoccluded form factor of ``lamp`` (n,) from points (n, 3)."""
+    form = np.zeros(len(lamp))
+    for start in range(0, len(lamp), _PAIR_BLOCK):
+        here = slice(start, start + _PAIR_BLOCK)
+        members, row = ragged(luminaires.outline_start[lamp[here]], np.diff(luminaires.outline_start)[lamp[here]])
+        factor = transport.lambert(points[here][row], normals[here][row], luminaires.outlines[members])
+        form[here] = np.bincount(row, factor, minlength=len(lamp[here]))
+    return form
+
+
+def _blockers(building: Building, source: np.ndarray, nearby: np.ndarray, points: np.ndarray) -> Blockers:
+    """Blockers of the clusters ``nearby`` in the box around the points and the lamps on ``source``."""
+    regions = building.regions
+    low = np.minimum(points.min(0), regions.box_min[source].min(0, initial=np.inf))
+    high = np.maximum(points.max(0), regions.box_max[source].max(0, initial=-np.inf))
+    return building.blockers_between(nearby, low, high)
 
 
 def _common(owner: np.ndarray, value: np.ndarray, count: int) -> np.ndarray:
@@ -136,25 +184,3 @@ def _common(owner: np.ndarray, value: np.ndarray, count: int) -> np.ndarray:
     np.minimum.at(low, owner, value)
     np.maximum.at(high, owner, value)
     return np.where(low == high, high, -1)
-
-
-def _seen(luminaires, lamp, points, normal, blockers, pair, blocker):
-    members, owner = ragged(luminaires.outline_start[lamp], np.diff(luminaires.outline_start)[lamp])
-    return visible_form_factors(points, normal, owner, luminaires.outlines[members], blockers, pair, blocker)
-
-
-def _lamp_shafts(building, luminaires, lamps, nearby, points, normal):
-    """Shafts between points (bodies 0..n-1) and lamps (bodies n..), and the blockers that may stand in them."""
-    regions, source = building.regions, luminaires.region[lamps]
-    low = np.minimum(points.min(0), regions.box_min[source].min(0))
-    high = np.maximum(points.max(0), regions.box_max[source].max(0))
-    blockers = building.blockers_between(nearby, low, high)
-    half = 0.5 * regions.size[source]
-    zero = np.zeros_like(points)
-    bodies = Bodies(
-        np.concatenate([points, regions.world(source, half)]).astype(np.float32),
-        np.concatenate([zero, half[:, :1] * regions.u[source]]).astype(np.float32),
-        np.concatenate([zero, half[:, 1:] * regions.v[source]]).astype(np.float32),
-        np.concatenate([normal, regions.normal[source]]).astype(np.float32),
-    )
-    return Shafts(bodies, ShaftIndex(blockers)), blockers
