@@ -77,25 +77,29 @@ def _reach(points, owner, corners, blockers, pair, blocker) -> tuple[np.ndarray,
         here = slice(begin, begin + _ROWS)
         p = pair[here]
         members, row = ragged(first[p], np.diff(first)[p])
-        touched, held = _cone_test(plates[:, :, blocker[here]] - points[p].T, polygon, members, row)
+        touched, held = _cone_test(plates[:, :, blocker[here]] - points[p].T, polygon, members, row, blockers.clearance)
         meets[here] = np.bincount(row[touched], minlength=len(p)) > 0
         covers[here] = np.bincount(row[held], minlength=len(p)) == np.diff(first)[p]
     return meets, covers
 
 
-def _cone_test(plate: np.ndarray, polygon: np.ndarray, members: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _cone_test(
+    plate: np.ndarray, polygon: np.ndarray, members: np.ndarray, row: np.ndarray, clearance: float
+) -> tuple[np.ndarray, np.ndarray]:
     """(m,) bool each: convex pieces ``polygon[:, :, members]`` may meet, surely lie in, the hidden side of plates (4, 3, r).
 
     All corners are relative to the point that looks.
     """
     count = len(polygon)
-    touched, held = np.ones(len(members), bool), np.ones(len(members), bool)
     corner = [polygon[k][:, members] for k in range(count)]
     side = [np.cross(plate[k], plate[(k + 1) % 4], axis=0) for k in range(4)]
     # Seen from the point all edges turn the same way; the diagonals tell which, also for a triangle with its double corner.
     face = np.cross(plate[2] - plate[0], plate[3] - plate[1], axis=0)
     away = (face * plate[0]).sum(0)
     turn = np.sign(away)
+    # A plate whose plane holds the point hides nothing.
+    stands = (np.abs(away) > clearance * np.sqrt((face * face).sum(0)))[row]
+    touched, held = stands, stands.copy()
     for normal, offset in [*((n * turn, None) for n in side), (face * turn, np.abs(away))]:
         # In float32 a product of three lengths keeps six digits of the largest.
         slack = 1e-5 * np.sqrt((normal * normal).sum(0))[row]
