@@ -46,10 +46,8 @@ def solve(scene: Scene, options: Options, progress: Callable[[Progress], None] |
 def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
     """Solve a scene step by step; closing the generator cancels the run and leaves nothing behind.
 
-    Raises :class:`OptionError` when the options do not go together, OSError when the store cannot be written.
+    Raises :class:`OptionError` when the memory budget is exceeded and there is no store, OSError when the store cannot be written.
     """
-    if options.memory and not options.store:
-        raise OptionError("option memory: what does not fit goes to disk, so name a folder for it with the option store")
     clock, store = _Clock(), _Store(options.store)
     workers, rng = worker_count(options.threads), np.random.default_rng(options.seed)
 
@@ -62,7 +60,7 @@ def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
     estimate = _estimate(building, forest, light, room, limits.exchange)
     oracle = refinement.link(building, forest, estimate, limits.min_size, workers)
     linking = yield from _follow(oracle, 0.2, 0.7, lambda: f"Linking {len(forest)} elements")
-    exchanges = links.spill(linking.links, options.memory, store.folder) if options.memory else linking.links
+    exchanges = _within(options, linking.links, store)
     light = illumination.extended(forest, light)
 
     lost = escape.lost_share(building, forest, workers)
@@ -122,6 +120,19 @@ def _shoot(shooter: Shooter, options: Options, rng: np.random.Generator, toleran
         message = f"Iteration {step.iteration + 1}: {step.unshot_fraction:.2%} unshot"
         yield Progress("solve", 0.7 + 0.3 * _share(step, tolerance), message)
     raise RuntimeError("the shooting ended without a result")
+
+
+def _within(options: Options, exchanges: list[links.LinkSet], store: _Store) -> list[links.LinkSet]:
+    """The links with as many exchanges in memory as the budget allows."""
+    size = sum(group.exchange.nbytes for group in exchanges)
+    if not options.memory or size <= options.memory:
+        return exchanges
+    if not options.store:
+        raise OptionError(
+            f"option memory: the exchanges take {size / 1e6:.1f} MB, more than the {options.memory / 1e6:.1f} MB allowed; "
+            "name a folder for the rest with the option store"
+        )
+    return links.spill(exchanges, options.memory, store.folder)
 
 
 def _estimate(building: Building, forest: Forest, light: np.ndarray, room: np.ndarray, exchange: float) -> refinement.Estimate:
