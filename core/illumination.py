@@ -14,6 +14,9 @@ from .elements import Forest
 UNSEEN = 0.05
 """Part of the light of a lamp that an element's nodes see hidden, yet that may fall between them."""
 
+UNFORESEEN = 0.25
+"""Part of the mean light of a root element that may be the error of its few nodes."""
+
 
 def illuminate(
     building: Building, forest: Forest, luminaires: Luminaires, tolerance: float, min_size: float, workers: int
@@ -45,8 +48,9 @@ def illuminate(
             room = room_irradiance(building, forest.mean(fresh, found))
             wall = np.bincount(building.regions.room, building.regions.area, minlength=len(room))
             limit = (tolerance * room.max(1) * np.sqrt(wall))[building.regions.room]
-            # A root has no parent to foresee it: all that is not constant in it counts as unforeseen.
-            foreseen = forest.mean(fresh, found)[:, None]
+            # A root has no parent to foresee it: all that is not constant in it counts as unforeseen, and part of the
+            # constant, since a lamp above the middle gives all nodes the same light and has its peak between them.
+            foreseen = (1 - UNFORESEEN) * forest.mean(fresh, found)[:, None]
         else:
             filters = basis.two_scale(forest.order).astype(np.float32)[forest.slot[fresh]]
             foreseen = forest.at_nodes(fresh, np.matmul(filters.transpose(0, 2, 1), own[forest.parent[fresh]]))
