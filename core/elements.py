@@ -94,11 +94,6 @@ class Forest:
         centre = self.regions.world(region, cover[:, :2] + 0.5 * cover[:, 2:])
         return centre.astype(np.float32), (0.5 * np.hypot(cover[:, 2], cover[:, 3])).astype(np.float32)
 
-    def half_extents(self, elements: np.ndarray) -> np.ndarray:
-        """(n, 3) float32 half sides of the axis-aligned box around the covered part of elements."""
-        half, region = 0.5 * self.cover[elements, 2:], self.region[elements]
-        return (np.abs(self.regions.u[region]) * half[:, :1] + np.abs(self.regions.v[region]) * half[:, 1:]).astype(np.float32)
-
     def split(self, elements: np.ndarray) -> None:
         """Give children to those of ``elements`` (n,) that have none."""
         elements = np.unique(elements)
