@@ -1,8 +1,9 @@
 """Small scenes for the tests of the numerical core, and the first stages of a solve on them."""
 
 import numpy as np
-from enfilade.core import clustering, footprints, occlusion, regions, visibility_graph
+from enfilade.core import clustering, footprints, links, occlusion, refinement, regions, visibility_graph
 from enfilade.core.building import Building, doors_of, items_of
+from enfilade.core.elements import Forest
 from enfilade.core.scene import Portals, Scene, no_portals
 
 
@@ -96,3 +97,32 @@ def shoelace(points) -> float:
     """Signed area of a polygon of the plane."""
     x, y = np.asarray(points, float).T
     return 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+
+
+def linked(building, order=2, exchange=1e-3, min_size=0.01, workers=1, split=0):
+    """A forest and its links for surfaces that all shine alike (1 W/m2, nothing known of slopes)."""
+    forest = Forest(building.regions, order)
+    for _ in range(split):
+        forest.split(np.flatnonzero(forest.leaf))
+    count = len(forest)
+    wall = float(building.regions.area.sum())
+    tolerance = np.full(len(building.regions), exchange * np.sqrt(wall))
+    estimate = refinement.Estimate(np.ones(count), np.zeros(count), tolerance)
+    *_, linking = refinement.link(building, forest, estimate, min_size, workers)
+    return forest, linking
+
+
+def received_from(forest, linking, regions) -> np.ndarray:
+    """(E, m) coefficients of what every element receives over its links from exitance 1 on some regions."""
+    exitance = np.zeros((len(forest), forest.functions, 1), np.float32)
+    exitance[np.isin(forest.region, regions), 0] = 1
+    return links.received(forest, linking.links, exitance)[..., 0]
+
+
+def region_means(forest, coefficients) -> np.ndarray:
+    """(G,) mean over the leaves of every region of coefficients (E, m)."""
+    leaf = np.flatnonzero(forest.leaf)
+    mean = forest.mean(leaf, coefficients[leaf, :, None])[:, 0]
+    weight = forest.area[leaf]
+    count = len(forest.regions)
+    return np.bincount(forest.region[leaf], mean * weight, minlength=count) / np.bincount(forest.region[leaf], weight, minlength=count)
