@@ -68,8 +68,8 @@ def _cast(building: Building, forest: Forest, weight: np.ndarray, workers: int) 
     def shoot(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         cluster = np.unique(building.clusters.cluster_of[forest.region[element[rows]]])
         near = building.blockers_of(building.regions_of(building.surroundings(cluster))[0])
-        hit, behind = first_hits(near, forest.nodes[element[rows], node[rows]], direction[rows])
-        return rows, (hit < 0) | behind
+        hits = first_hits(near, forest.nodes[element[rows], node[rows]], direction[rows])
+        return rows, (hits.blocker < 0) | hits.behind
 
     cuts = np.flatnonzero(np.diff(owner)) + 1
     for rows, result in ordered_map(shoot, np.split(np.arange(len(owner)), cuts) if len(owner) else [], workers):

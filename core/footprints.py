@@ -1,8 +1,8 @@
 """What stands on a surface covers it: the parts of regions that furniture touches see no light and are no surface at all.
 
 The floor under a cupboard is dark, and a wavelet that spans its edge would smear that dark over the floor beside it.
-So regions are cut along the edges of what stands on them, and the parts that see nothing but backs of surfaces, or that
-a face of the opposite side lies upon, are taken out of their cover.
+So regions are cut along the edges of what stands on them, and the parts that see nothing but backs of surfaces are taken
+out of their cover.
 """
 
 from __future__ import annotations
@@ -160,7 +160,7 @@ def _crosses_border(pieces: np.ndarray, s: np.ndarray, t: np.ndarray) -> np.ndar
 
 
 def _buried(regions: Regions, blockers: Blockers, owner: np.ndarray, pieces: np.ndarray) -> np.ndarray:
-    """(n,) bool: a ray from the middle of the piece meets only backs of surfaces, or a face of the other side lies on it."""
+    """(n,) bool: rays from the middle of the piece meet no front of a surface, but backs, or nothing behind a face that lies on it."""
     area, moment = areas_and_centroids(pieces)
     middle = moment / np.maximum(area, 1e-300)[:, None]
     origin = regions.world(owner, middle)
@@ -172,19 +172,23 @@ def _buried(regions: Regions, blockers: Blockers, owner: np.ndarray, pieces: np.
     local = hemisphere(_RAYS)
     for rows in np.split(order, np.flatnonzero(np.diff(room)) + 1):
         near = blockers.take(np.flatnonzero(blocker_room == regions.room[owner[rows[0]]]))
-        gone[rows] = _under_face(near, origin[rows], normal[rows])
+        twin = _has_twin(near, origin[rows], normal[rows])
         frame = np.stack([u[rows], v[rows], normal[rows]], axis=1)
         # One ray clears nearly all; only what sees a back by it is looked at all around.
-        left = np.flatnonzero(~gone[rows])
+        left = np.arange(len(rows))
         for count in (1, _RAYS):
             rays = np.einsum("rk,nkd->nrd", local[:count], frame[left]).reshape(-1, 3).astype(np.float32)
-            _, behind = first_hits(near, np.repeat(origin[rows[left]], count, 0).astype(np.float32), rays)
-            left = left[behind.reshape(-1, count).all(1)]
+            hits = first_hits(near, np.repeat(origin[rows[left]], count, 0).astype(np.float32), rays)
+            # Rays pass through a twin. One side of a wall without thickness sees the room all the same; the underside of a
+            # cupboard looks into the floor, where there is nothing. What two faces share is no sign of either.
+            hidden = hits.behind | ((hits.blocker < 0) & np.repeat(twin[left], count))
+            hidden, neither = hidden.reshape(-1, count), hits.both.reshape(-1, count)
+            left = left[(hidden | neither).all(1) & (hidden.any(1) | (count == 1))]
         gone[rows[left]] = True
     return gone
 
 
-def _under_face(blockers: Blockers, origin: np.ndarray, normal: np.ndarray) -> np.ndarray:
+def _has_twin(blockers: Blockers, origin: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """(n,) bool: a blocker that faces the other way holds the point in its plane and inside it."""
     height = np.abs(origin @ blockers.normal.T - blockers.offset[:, 0])
     x, y = origin @ blockers.dual_x.T - blockers.offset[:, 1], origin @ blockers.dual_y.T - blockers.offset[:, 2]

@@ -316,16 +316,30 @@ def _along(direction: np.ndarray, offset: np.ndarray, k: np.ndarray, points: np.
     return out
 
 
-def first_hits(blockers: Blockers, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What rays meet first: (n,) int64 blocker, -1 for none, and (n,) bool whether they meet it from behind its normal.
+@dataclass(frozen=True)
+class Hits:
+    """What n rays meet first.
 
-    origins, directions : (n, 3) float32. A blocker whose plane holds the origin is not met.
+    blocker : (n,) int64, -1 for none;  behind : (n,) bool, it is met from behind its normal
+    both : (n,) bool, two faces of opposite sides lie in that place (``blocker`` is the one that faces the ray)
     """
-    hit, behind = np.full(len(origins), -1), np.zeros(len(origins), bool)
+
+    blocker: np.ndarray
+    behind: np.ndarray
+    both: np.ndarray
+
+
+def first_hits(blockers: Blockers, origins: np.ndarray, directions: np.ndarray) -> Hits:
+    """What rays from ``origins`` (n, 3) along unit ``directions`` (n, 3), float32, meet.
+
+    A blocker whose plane holds the origin is not met.
+    """
+    count = len(origins)
+    hits = Hits(np.full(count, -1), np.zeros(count, bool), np.zeros(count, bool))
     if not len(blockers):
-        return hit, behind
+        return hits
     step = max(1, (1 << 17) // len(blockers))
-    for start in range(0, len(origins), step):
+    for start in range(0, count, step):
         here = slice(start, start + step)
         o, d = origins[here], directions[here]
         height = o @ blockers.normal.T - blockers.offset[:, 0]
@@ -340,12 +354,15 @@ def first_hits(blockers: Blockers, origins: np.ndarray, directions: np.ndarray) 
         y = np.einsum("ij,ij->i", point, blockers.dual_y[k]) - blockers.offset[k, 2]
         inside = np.where(blockers.triangle[k], (x >= 0) & (y >= 0) & (x + y <= 1), (np.abs(x) <= 1) & (np.abs(y) <= 1))
         t[ray[~inside], k[~inside]] = np.inf
-        nearest = t.argmin(1)
+        front, back = np.where(slope < 0, t, np.inf), np.where(slope > 0, t, np.inf)
+        nearest, rear = front.argmin(1), back.argmin(1)
         row = np.arange(len(nearest))
-        met = np.isfinite(t[row, nearest])
-        hit[here] = np.where(met, nearest, -1)
-        behind[here] = met & (slope[row, nearest] > 0)
-    return hit, behind
+        to_front, to_back = front[row, nearest], back[row, rear]
+        met, same = np.isfinite(np.minimum(to_front, to_back)), 4 * blockers.clearance
+        hits.behind[here] = met & (to_back < to_front - same)
+        hits.both[here] = met & (to_back <= to_front + same) & ~hits.behind[here]
+        hits.blocker[here] = np.where(met, np.where(hits.behind[here], rear, nearest), -1)
+    return hits
 
 
 def hemisphere(count: int) -> np.ndarray:

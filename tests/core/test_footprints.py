@@ -151,10 +151,6 @@ def test_a_picture_on_the_wall():
     assert not after.buried.any()
 
 
-THIN = pytest.mark.xfail(strict=True, reason="the two faces of a wall without thickness are taken for furniture on a wall")
-
-
-@THIN
 def test_a_partition_without_thickness():
     partition = [rectangle((2, 0, 0), (0, 2, 0), (0, 0, 2)), rectangle((2, 2, 0), (0, -2, 0), (0, 0, 2))]
     before, after = uncovered([partition])
@@ -162,7 +158,6 @@ def test_a_partition_without_thickness():
     assert not after.buried.any()
 
 
-@THIN
 def test_a_ceiling_that_is_the_floor_above():
     polygons = [*ROOM, *box(low=(0, 0, 3), high=(8, 5, 6))]
     before = merge(scene_of(polygons, object=np.repeat([0, 1], 6)))

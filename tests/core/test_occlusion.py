@@ -10,6 +10,11 @@ NEAR = 1e-4
 """Segments this near (in units of a blocker's sides, or metres from its plane) to a decision are left out of comparisons."""
 
 
+def met_first(blockers, origins, directions):
+    hits = first_hits(blockers, origins, directions)
+    return hits.blocker, hits.behind
+
+
 class World:
     """Parallelograms and triangles as blockers, and the same in double precision for the reference."""
 
@@ -214,7 +219,7 @@ def test_first_hits_are_those_of_the_reference(aligned):
     o, d = rng.uniform(-3, 3, (4000, 3)), rng.normal(size=(4000, 3))
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     o, d = o.astype(np.float32), d.astype(np.float32)
-    hit, behind = first_hits(world.blockers, o, d)
+    hit, behind = met_first(world.blockers, o, d)
     far = 100.0
     t, margin = world.meet(o.astype(float), o.astype(float) + far * d.astype(float))
     sure = (np.abs(margin) > NEAR).all(1)
@@ -233,12 +238,12 @@ def test_first_hits_are_those_of_the_reference(aligned):
 def test_rays_from_a_wall_do_not_meet_it():
     world = single(WALL)
     for x in (0.0, 5e-7):
-        hit, _ = first_hits(world.blockers, np.array([[x, 0, 0]] * 2, np.float32), np.array([[1, 0, 0], [-1, 0, 0]], np.float32))
+        hit, _ = met_first(world.blockers, np.array([[x, 0, 0]] * 2, np.float32), np.array([[1, 0, 0], [-1, 0, 0]], np.float32))
         assert hit.tolist() == [-1, -1]
-    hit, behind = first_hits(world.blockers, np.array([[1, 0, 0], [-1, 0, 0]], np.float32), np.array([[-1, 0, 0], [1, 0, 0]], np.float32))
+    hit, behind = met_first(world.blockers, np.array([[1, 0, 0], [-1, 0, 0]], np.float32), np.array([[-1, 0, 0], [1, 0, 0]], np.float32))
     assert hit.tolist() == [0, 0]
     assert behind.tolist() == [False, True]
-    hit, behind = first_hits(world.blockers.take(np.zeros(0, int)), np.zeros((3, 3), np.float32), np.ones((3, 3), np.float32))
+    hit, behind = met_first(world.blockers.take(np.zeros(0, int)), np.zeros((3, 3), np.float32), np.ones((3, 3), np.float32))
     assert hit.tolist() == [-1] * 3
     assert not behind.any()
 
@@ -251,7 +256,7 @@ def test_rays_in_a_closed_room_all_meet_a_front():
     at = regions.world(region, rng.uniform(0.01, 0.99, (5000, 2)) * regions.size[region])
     local = hemisphere(5000)
     d = np.einsum("nk,nkd->nd", local, np.stack([regions.u, regions.v, regions.normal], 1)[region])
-    hit, behind = first_hits(blockers, at.astype(np.float32), d.astype(np.float32))
+    hit, behind = met_first(blockers, at.astype(np.float32), d.astype(np.float32))
     assert (hit >= 0).all()
     assert not behind.any()
     assert (blockers.region[hit] != region).all()
