@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-from . import command_line, operators, panel, properties
+from . import command_line, operators, panel, properties, viewport
 
-MODULES = (properties, operators, panel, command_line)
+MODULES = (properties, viewport, operators, panel, command_line)
 """In the order of their registration: panels draw what the properties hold."""
 
 

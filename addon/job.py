@@ -26,8 +26,8 @@ from .membership import everything_evaluated
 from .mesh_arrays import bulk
 from .properties import read_options
 
-SOLVE_SHARE = 0.75
-"""Part of the progress bar that the solver takes; the rest is for asking it at corners and texels."""
+SOLVE_SHARE = {"vertex": 0.75, "texture": 0.15}
+"""Part of the progress bar that the solver takes; the rest is for asking it at corners or at the many texels."""
 
 
 @dataclass(frozen=True)
@@ -144,11 +144,12 @@ def work(reading: Reading, run: Callable[[Scene, Options], Generator] | None = N
     carriers = [c if f is None else f.carrier for c, f in zip(coarse, fine, strict=True)]
     pages, names, warnings = _plan(reading, carriers) if bake.target == "texture" else ((), (), [])
 
+    share = SOLVE_SHARE[bake.target]
     solver = run(scene, reading.options)
     try:
         while True:
             progress = next(solver)
-            yield Step(progress.stage, SOLVE_SHARE * progress.fraction, progress.message)
+            yield Step(progress.stage, share * progress.fraction, progress.message)
     except StopIteration as end:
         solution = end.value
     finally:
@@ -163,7 +164,7 @@ def work(reading: Reading, run: Callable[[Scene, Options], Generator] | None = N
     evaluation = evaluate(items, solution, scene)
     try:
         while True:
-            yield Step("bake", SOLVE_SHARE + (1.0 - SOLVE_SHARE) * next(evaluation), f"light at the {place}")
+            yield Step("bake", share + (1.0 - share) * next(evaluation), f"light at the {place}")
     except StopIteration as end:
         values = tuple(end.value)
     seconds = {**solution.report.get("seconds", {})}
@@ -305,8 +306,8 @@ def summary_line(reading: Reading, baked: Baked, written: Written) -> str:
     rooms = scene.room_count
     parts = [
         f"{rooms} room{'s' if rooms != 1 else ''}",
-        f"{scene.polygon_count} polygons",
-        f"{len(written.objects)} objects" if len(written.objects) != 1 else "1 object",
+        f"{scene.polygon_count:,} polygons",
+        f"{len(written.objects):,} objects" if len(written.objects) != 1 else "1 object",
     ]
     if "unshot_fraction" in report:
         parts.append(f"{100 * float(report['unshot_fraction']):.2g} % of the light unshot")

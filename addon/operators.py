@@ -131,10 +131,9 @@ class ENFILADE_OT_bake(bpy.types.Operator):
             self.report({"WARNING"}, _capital(warning))
         line = job.summary_line(reading, baked, written)
         bpy.data.scenes[reading.scene_name].enfilade.summary = line
-        textured = reading.bake.target == "texture"
-        if self.show and not bpy.app.background and (reading.bake.material or not textured):
+        if self.show and not bpy.app.background:
             viewport.restore(context)
-            viewport.show(context, textured)
+            viewport.show(context)
         self.report({"INFO"}, f"Baked {line}")
 
 
@@ -192,16 +191,19 @@ class ENFILADE_OT_show_bake(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not has_bake(context.scene) and not viewport.shown(context.window_manager):
+        if viewport.shown(context.window_manager) or viewport.way_to_show(context.scene):
+            return True
+        if has_bake(context.scene):
+            cls.poll_message_set("No material uses the textures: switch Material on under Output and bake again")
+        else:
             cls.poll_message_set("There is no bake in this scene")
-            return False
-        return True
+        return False
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if viewport.shown(context.window_manager):
             viewport.restore(context)
         else:
-            viewport.show(context, context.scene.enfilade.bake.target == "texture")
+            viewport.show(context)
         return {"FINISHED"}
 
 
@@ -229,7 +231,6 @@ _CLASSES = (ENFILADE_OT_bake, ENFILADE_OT_cancel, ENFILADE_OT_clear, ENFILADE_OT
 
 
 def register() -> None:
-    bpy.types.WindowManager.enfilade_shading = bpy.props.StringProperty(options={"HIDDEN", "SKIP_SAVE"})
     for cls in _CLASSES:
         bpy.utils.register_class(cls)
 
@@ -237,4 +238,3 @@ def register() -> None:
 def unregister() -> None:
     for cls in reversed(_CLASSES):
         bpy.utils.unregister_class(cls)
-    del bpy.types.WindowManager.enfilade_shading

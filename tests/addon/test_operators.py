@@ -113,6 +113,53 @@ def test_settings_are_saved_in_the_file(shop, tmp_path):
     assert bpy.context.scene.enfilade.rooms.name == "Rooms"
 
 
+def viewports(bpy):
+    return [space.shading for screen in bpy.data.screens for area in screen.areas for space in area.spaces if space.type == "VIEW_3D"]
+
+
+def test_viewports_show_the_bake_and_come_back(shop, lit_room):
+    bpy = shop.bpy
+    views = viewports(bpy)
+    assert views
+    own = {(v.type, v.light, v.color_type) for v in views}
+    assert not bpy.ops.enfilade.show_bake.poll()
+    shop.bake()
+    assert bpy.ops.enfilade.show_bake() == {"FINISHED"}
+    assert {(v.type, v.light, v.color_type) for v in views} == {("SOLID", "FLAT", "VERTEX")}
+    # What is shown is what there is, not what the next bake would make.
+    bpy.context.scene.enfilade.bake.target = "texture"
+    bpy.ops.enfilade.show_bake()
+    assert {(v.type, v.light, v.color_type) for v in views} == own
+    shop.bake(material=True)
+    bpy.ops.enfilade.show_bake()
+    assert {v.type for v in views} == {"MATERIAL"}
+    bpy.ops.enfilade.clear()
+    assert {(v.type, v.light, v.color_type) for v in views} == own
+
+
+def test_textures_are_shown_by_their_materials_only(shop, lit_room):
+    shop.bake(target="texture", texel_density=2.0)
+    with pytest.raises(RuntimeError, match="switch Material on under Output and bake again"):
+        shop.bpy.ops.enfilade.show_bake()
+    shop.bake(target="texture", texel_density=2.0, material=True)
+    shop.bpy.ops.enfilade.show_bake()
+    assert {v.type for v in viewports(shop.bpy)} == {"MATERIAL"}
+
+
+def test_undo_of_a_bake_gives_the_viewports_back(shop, lit_room):
+    bpy = shop.bpy
+    own = [(v.type, v.light, v.color_type) for v in viewports(bpy)]
+    bpy.ops.ed.undo_push(message="before")
+    shop.bake()
+    bpy.ops.ed.undo_push(message="after")
+    bpy.ops.enfilade.show_bake()
+    assert [(v.type, v.light, v.color_type) for v in viewports(bpy)] != own
+    bpy.ops.ed.undo()
+    assert len(bpy.data.objects["West walls"].data.color_attributes) == 0
+    assert [(v.type, v.light, v.color_type) for v in viewports(bpy)] == own
+    assert not bpy.ops.enfilade.show_bake.poll()
+
+
 def test_nothing_is_left_after_unregister(shop):
     import bpy
     import enfilade
