@@ -18,7 +18,7 @@ from .parallel import ordered_map
 from .regions import Regions
 from .shadows import visible_form_factors
 
-BLOCK_POINTS = 2048
+BLOCK_POINTS = 1024
 _PAIR_BLOCK = 1 << 16
 
 
@@ -63,19 +63,23 @@ class DirectLight:
     tests: int
 
 
-def point_blocks(building: Building, region: np.ndarray, size: int = BLOCK_POINTS) -> list[np.ndarray]:
-    """Indices of points on ``region`` (n,) in blocks of neighbours: about ``size`` points of clusters of one room."""
-    cluster = building.clusters.cluster_of[region]
-    order = np.argsort(cluster, kind="stable")
-    if not len(order):
+def point_blocks(building: Building, region: np.ndarray, points: np.ndarray, size: int = BLOCK_POINTS) -> list[np.ndarray]:
+    """Indices of points (n, 3) on ``region`` (n,) in blocks of neighbours, ``size`` points of one room at most.
+
+    Blocks follow each other along the longest side of a room: all of a long corridor sees the doors of half a storey, a few
+    metres of it see theirs.
+    """
+    if not len(region):
         return []
-    room = building.clusters.room[cluster[order]]
-    fresh = np.r_[True, room[1:] != room[:-1]]
-    run = np.cumsum(fresh) - 1
-    since = np.arange(len(order)) - np.flatnonzero(fresh)[run]
-    part = since // size
-    cut = np.flatnonzero(fresh | np.r_[False, part[1:] != part[:-1]])
-    return np.split(order, cut[1:])
+    room = building.regions.room[region]
+    order = np.argsort(room, kind="stable")
+    blocks = []
+    for rows in np.split(order, np.flatnonzero(np.diff(room[order])) + 1):
+        at = points[rows]
+        along = at[:, np.argmax(at.max(0) - at.min(0))]
+        rows = rows[np.argsort(along, kind="stable")]
+        blocks += np.array_split(rows, -(-len(rows) // size))
+    return blocks
 
 
 def direct_light(building: Building, luminaires: Luminaires, points: np.ndarray, region: np.ndarray, workers: int) -> Iterator[DirectLight]:
@@ -89,7 +93,7 @@ def direct_light(building: Building, luminaires: Luminaires, points: np.ndarray,
         lamps = np.flatnonzero(np.isin(lamp_cluster, nearby))
         return _light(building, luminaires, lamps, nearby, index, points[index], region[index])
 
-    yield from ordered_map(light, point_blocks(building, region), workers)
+    yield from ordered_map(light, point_blocks(building, region, points), workers)
 
 
 def _light(building, luminaires, lamps, nearby, index, points, region) -> DirectLight:

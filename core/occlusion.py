@@ -44,6 +44,11 @@ class Blockers:
     def __len__(self) -> int:
         return len(self.region)
 
+    def within(self, low: np.ndarray, high: np.ndarray) -> Blockers:
+        """The blockers that meet the box low..high (3,)."""
+        meets = (self.corners.min(1) <= high).all(1) & (self.corners.max(1) >= low).all(1)
+        return self.take(np.flatnonzero(meets))
+
     @property
     def middle(self) -> np.ndarray:
         """(K, 3) middle of the corners."""
@@ -110,6 +115,11 @@ class Bodies:
     def __len__(self) -> int:
         return len(self.centre)
 
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Corners low and high (3,) of the box around all bodies."""
+        half = np.abs(self.half_u) + np.abs(self.half_v)
+        return (self.centre - half).min(0), (self.centre + half).max(0)
+
     def take(self, index: np.ndarray) -> Bodies:
         """The bodies with the given indices."""
         return Bodies(self.centre[index], self.half_u[index], self.half_v[index], self.normal[index])
@@ -119,23 +129,27 @@ class ShaftIndex:
     """Blockers prepared for the culling of many sets of bodies.
 
     Along each axis a body has a prefix of the blockers, sorted by where they end, on one side, and a suffix, sorted by where
-    they begin, on the other: both are rows of a table, found by bisection.
+    they begin, on the other: both are rows of a table, found by bisection. Above ``ROWS`` blockers the table has a row for
+    every few of them, and a prefix is cut to what a row holds: fewer blockers are ruled out, none wrongly.
     """
+
+    ROWS = 512
 
     def __init__(self, blockers: Blockers):
         self.blockers = blockers
         count = len(blockers)
         self.words = max(1, -(-count // 64))
         self.valid = self.pack(np.ones((1, count), bool))[0]
+        self._step = max(1, -(-count // self.ROWS))
         self._axes = []
         for axis in AXES:
             reach = blockers.corners @ axis
             tables = []
             for ends in (reach.max(1), -reach.min(1)):
                 order = np.argsort(ends, kind="stable")
-                # Row r holds the first r blockers: each row is the one before with one bit more.
-                table = np.zeros((count + 1, 8 * self.words), np.uint8)
-                table[np.arange(1, count + 1), order >> 3] = 128 >> (order & 7)
+                # Row r holds the blockers of the first r steps: each row is the one before with some bits more.
+                table = np.zeros((-(-count // self._step) + 1, 8 * self.words), np.uint8)
+                np.bitwise_or.at(table, (np.arange(count) // self._step + 1, order >> 3), (128 >> (order & 7)).astype(np.uint8))
                 tables.append((ends[order], np.bitwise_or.accumulate(table.view(np.uint64), axis=0)))
             self._axes.append((axis, tables))
         self.middle = blockers.middle
@@ -154,7 +168,7 @@ class ShaftIndex:
         for axis, tables in self._axes:
             centre, half = bodies.centre @ axis, np.abs(bodies.half_u @ axis) + np.abs(bodies.half_v @ axis)
             for (ends, table), begin in zip(tables, (centre - half, -(centre + half)), strict=True):
-                out.append(table[np.searchsorted(ends, begin - eps)])
+                out.append(table[np.searchsorted(ends, begin - eps) // self._step])
         return out
 
 

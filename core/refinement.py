@@ -17,7 +17,7 @@ from . import transport
 from .building import Building
 from .elements import Forest
 from .links import LinkSet, joined
-from .occlusion import Bodies, Cuts, ShaftIndex, Shafts, cut_segments
+from .occlusion import Blockers, Bodies, Cuts, ShaftIndex, Shafts, cut_segments
 from .parallel import ordered_map
 
 # Relative errors of one exchange, in the mean square over the receiver, for elements of radius r at distance d: the second
@@ -150,7 +150,7 @@ def _first_pairs(building: Building, group: np.ndarray) -> list[tuple[np.ndarray
 class _Obstacles:
     """What lies between two sets of regions: blockers, and the portals of either room that a segment must pass (none in one room)."""
 
-    blockers: ShaftIndex
+    blockers: Blockers
     doors: tuple[ShaftIndex, ...]
 
 
@@ -159,7 +159,7 @@ def _obstacles(building: Building, nearby: np.ndarray, a: np.ndarray, b: np.ndar
     low, high = building.regions.box_min[ends].min(0), building.regions.box_max[ends].max(0)
     rooms = building.regions.room[a[0]], building.regions.room[b[0]]
     doors = () if rooms[0] == rooms[1] else tuple(ShaftIndex(building.doors.of_room(room)) for room in rooms)
-    return _Obstacles(ShaftIndex(building.blockers_between(nearby, low, high)), doors)
+    return _Obstacles(building.blockers_between(nearby, low, high), doors)
 
 
 def _blocks_of(start: int, a: np.ndarray, b: np.ndarray) -> list[_Block]:
@@ -229,21 +229,21 @@ def _treat(forest: Forest, obstacles: _Obstacles, estimate: Estimate, min_size: 
     refine = can_split & (_misfit(pairs, forest.order) > 1)
     links, tests = [], 0
     points = _points(forest, elements, bodies)
+    left = np.unique(np.concatenate([pairs.ia, pairs.ib]))
+    shafts = ShaftIndex(obstacles.blockers.within(*bodies.take(left).box()) if len(left) else obstacles.blockers)
     for one_a, one_b, rows in _modes(pairs, np.flatnonzero(~refine)):
         here = pairs.take(rows)
         nodes = _nodes(forest, elements[here.ia], one_a), _nodes(forest, elements[here.ib], one_b)
         # The shaft of a single ray is the ray: nothing else is asked, and next to nothing stands in it.
         ray = one_a and one_b
-        pair, blocker = _candidates(obstacles.blockers, points if ray else bodies, here.ia, here.ib)
-        cuts = cut_segments(obstacles.blockers.blockers, pair, blocker, *nodes)
+        pair, blocker = _candidates(shafts, points if ray else bodies, here.ia, here.ib)
+        cuts = cut_segments(shafts.blockers, pair, blocker, *nodes)
         tests += len(pair) * nodes[0].shape[1] * nodes[1].shape[1]
         bad = np.zeros(len(here), bool)
         if not ray:
             bad = can_split[rows] & (here.gain * PARTLY_SEEN * _spread(cuts, pair) > 1)
             alone = np.flatnonzero(bad & cuts.alone)
-            bad[alone] = ~_surely_hidden(
-                forest, obstacles.blockers.blockers, elements[here.ia[alone]], elements[here.ib[alone]], alone, pair, blocker
-            )
+            bad[alone] = ~_surely_hidden(forest, shafts.blockers, elements[here.ia[alone]], elements[here.ib[alone]], alone, pair, blocker)
         refine[rows[bad]] = True
         good = np.flatnonzero(~bad & ~cuts.hidden.all((1, 2)))
         links += _links(forest, elements, bodies, radius, here.take(good), nodes[0][good], nodes[1][good], ~cuts.hidden[good])
@@ -255,7 +255,7 @@ def _treat(forest: Forest, obstacles: _Obstacles, estimate: Estimate, min_size: 
 
 def _open_pairs(bodies: Bodies, obstacles: _Obstacles, ia: np.ndarray, ib: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The pairs that face each other and, in different rooms, meet a portal of either room."""
-    facing = _face_each_other(bodies, ia, ib, obstacles.blockers.blockers.clearance)
+    facing = _face_each_other(bodies, ia, ib, obstacles.blockers.clearance)
     ia, ib = ia[facing], ib[facing]
     for doors in obstacles.doors:
         passes = Shafts(bodies, doors).crossed(ia, ib)

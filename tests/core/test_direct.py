@@ -128,12 +128,14 @@ def test_blocks_hold_every_point_once_and_neighbours_together():
     scene = scene_of([f + [10 * k, 0, 0] for k in range(3) for f in box()], room=np.repeat([0, 1, 2], 6))
     building = building_of(scene)
     region = np.random.default_rng(0).integers(0, 18, 1000)
-    blocks = point_blocks(building, region, 128)
+    points = np.random.default_rng(1).random((1000, 3)) * [1, 9, 1]
+    blocks = point_blocks(building, region, points, 128)
     assert sorted(np.concatenate(blocks).tolist()) == list(range(1000))
     for block in blocks:
         assert len(block) <= 128
         assert len(set(building.regions.room[region[block]])) == 1
-    assert point_blocks(building, np.zeros(0, int)) == []
+        assert np.ptp(points[block, 1]) < 9 * 0.45  # three blocks a room, along its longest side
+    assert point_blocks(building, np.zeros(0, int), np.zeros((0, 3))) == []
 
 
 def test_no_lamps_and_no_points():

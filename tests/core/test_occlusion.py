@@ -360,6 +360,16 @@ def test_a_blocker_between_two_patches_is_found_and_others_are_not():
     assert len(Shafts(away, index).candidates(np.array([0]), np.array([1]))[0]) == 0
 
 
+def test_a_short_table_keeps_every_candidate(monkeypatch):
+    world, bodies = random_world(3, 60), random_bodies(4, 40)
+    a, b = np.triu_indices(40, 1)
+    exact = set(zip(*Shafts(bodies, ShaftIndex(world.blockers)).candidates(a, b), strict=True))
+    monkeypatch.setattr(ShaftIndex, "ROWS", 7)
+    rough = set(zip(*Shafts(bodies, ShaftIndex(world.blockers)).candidates(a, b), strict=True))
+    assert exact <= rough
+    assert 0 < len(exact) < len(rough) < 60 * len(a)
+
+
 def test_no_blockers_and_no_pairs():
     none = random_world(0, 3).blockers.take(np.zeros(0, int))
     bodies = random_bodies(1, 4)
