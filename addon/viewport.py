@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Shows a bake in the 3D viewports and gives them back as they were.
 
-Materials that a bake made are shown by the material preview, through the view transform of the scene. Without them, solid
-shading with flat light shows a colour attribute, cut at white. Textures that no material uses cannot be shown.
+Solid shading with flat light shows a colour attribute at once, exactly as an emission of it would look without a view
+transform, and goes on hiding the backs of walls. Textures need materials that use them, and the material preview.
 """
 
 from __future__ import annotations
@@ -24,9 +24,10 @@ def shown(manager: bpy.types.WindowManager) -> bool:
 def way_to_show(scene: bpy.types.Scene) -> str:
     """The shading that shows the bake of a scene, ``"MATERIAL"`` or ``"SOLID"``, empty where none does."""
     meshes = [o for o in scene.objects if o.type == "MESH"]
-    if any(slot.material is not None and slot.material.enfilade.made for o in meshes for slot in o.material_slots):
-        return "MATERIAL"
-    return "SOLID" if any(o.data.enfilade.attribute for o in meshes) else ""
+    if any(o.data.enfilade.attribute for o in meshes):
+        return "SOLID"
+    slots = (slot for o in meshes for slot in o.material_slots)
+    return "MATERIAL" if any(slot.material is not None and slot.material.enfilade.made for slot in slots) else ""
 
 
 def show(context: bpy.types.Context) -> None:
