@@ -214,7 +214,7 @@ def test_any_blockers_against_a_lamp_in_parts(seed):
     pair, blocker = np.repeat(np.arange(12), 8), np.tile(np.arange(8), 12)
     turned = (points.astype(float) @ turn.T).astype(np.float32)
     factor, _ = visible_form_factors(turned, normals @ turn.T, np.arange(12), np.repeat(lamp[None], 12, 0), blockers, pair, blocker)
-    count = 200
+    count = 150
     s, t = (x.ravel() for x in np.meshgrid(*[(np.arange(count) + 0.5) / count] * 2))
     places = LAMP[0] + s[:, None] * [0, 2, 0] + t[:, None] * [2, 0, 0]
     for k in range(12):
@@ -228,8 +228,8 @@ def test_any_blockers_against_a_lamp_in_parts(seed):
             with np.errstate(divide="ignore"):
                 h = ((o - points[k]) @ n) / (d @ n)
             x = points[k] + h[:, None] * d - o
-            u, v = np.linalg.lstsq(np.stack([a, b], 1), x.T, rcond=None)[0]
+            u, v = (np.linalg.inv([[a @ a, a @ b], [a @ b, b @ b]]) @ [a, b]) @ x.T
             hidden |= (h > 0) & (h < 1) & (u >= 0) & (v >= 0) & (u + v <= 1 if len(polygon) == 3 else (u <= 1) & (v <= 1))
-        # The edges of eight shadows run through a few hundred of the 40 000 parts, either way.
-        assert factor[k] == pytest.approx(light[~hidden].sum(), abs=5e-3 * light.sum())
+        # The edges of eight shadows run through a few hundred of the 22 500 parts, either way.
+        assert factor[k] == pytest.approx(light[~hidden].sum(), abs=6e-3 * light.sum())
         assert 0 <= factor[k] <= light.sum() * 1.0001
