@@ -309,3 +309,12 @@ def test_faces_that_lie_upon_each_other_count_once(order):
     forest = Forest(merge(scene_of([sheet, sheet[[0, 1, 2]], sheet])), order)
     split_at_random(forest, 3)
     assert forest.area[forest.leaf].sum() == pytest.approx(10)
+
+
+def test_faces_that_overlap_in_part_count_once():
+    # Three cells of an L, and a triangle over half of one of them.
+    cells = [rectangle((x, y, 0), (1, 0, 0), (0, 1, 0)) for x, y in ((0, 0), (1, 0), (0, 1))]
+    forest = Forest(merge(scene_of([*cells, np.array([(0, 0, 0), (1, 0, 0), (0.5, 1, 0)])])), 2)
+    assert len(forest) == 1
+    split_at_random(forest, 1, share=1.0)
+    assert forest.area[forest.leaf].sum() == pytest.approx(3)

@@ -91,6 +91,17 @@ def test_a_wall_without_thickness_loses_nothing():
     assert power < 1e-3 * 3 * 67
 
 
+def test_what_is_buried_sends_nothing_out():
+    # A box that shines on all sides stands on the floor: its underside sees nothing but the floor that it lies on.
+    polygons = [*box(high=(4, 3, 2.5)), *box((1, 1, 0), (2, 2, 1), inward=False)]
+    emission = np.zeros((12, 3))
+    emission[6:] = 1
+    building, share, power = solved(polygons, emission=emission, object=np.repeat([0, 1], 6))
+    assert building.regions.buried.sum() == 1
+    assert share[0] < 1e-3
+    assert power < 1e-3 * 3 * 5
+
+
 def test_doors_between_rooms_lose_nothing_and_windows_do():
     rooms = [*box(high=(4, 3, 3), leave_out="x+"), *box(low=(4, 0, 0), high=(8, 3, 3), leave_out="x- z+")]
     opening = rectangle((4, 0, 0), (0, 3, 0), (0, 0, 3))
