@@ -170,6 +170,16 @@ def test_segments_that_end_on_the_plane_are_not_cut(offset):
     assert cut(world, np.add((1, 0, 0), offset), np.add((-1, 0.5, 0.5), offset))
 
 
+def test_segments_from_a_turned_plane_are_not_cut():
+    # In single precision points of a slanted plane lie a little to either side of it.
+    for seed in range(5):
+        turn, rng = rotation(seed), np.random.default_rng(seed)
+        world = single(WALL @ turn.T + 5)
+        a, b = (np.column_stack([x, rng.uniform(-1, 1, (500, 2))]) @ turn.T + 5 for x in (np.zeros(500), rng.choice([-1, 1], 500)))
+        cuts = cut_segments(world.blockers, *everything(500, 1), a[:, None].astype(np.float32), b[:, None].astype(np.float32))
+        assert not cuts.hidden.any()
+
+
 def test_segments_within_the_plane_are_not_cut():
     world = single(WALL)
     assert not cut(world, (0, -3, 0), (0, 3, 0))

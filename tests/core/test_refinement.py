@@ -214,6 +214,24 @@ def test_a_narrow_gap_between_large_plates_is_refined(offset):
     assert to_wall == pytest.approx(mean_form_factor(shelf, wall) / 16, rel=0.01)
 
 
+def test_places_behind_a_surface_get_none_of_its_light():
+    # A sheet stands across the floor: elements of the floor reach to both sides of it.
+    floor, sheet = rectangle((0, 0, 0), (4, 0, 0), (0, 4, 0)), rectangle((1.7, 0, 0), (0, 4, 0), (0, 0, 2))
+    building = building_of(scene_of([floor, sheet], object=[0, 1]))
+    forest, linking = linked(building, 2, 1e-2, min_size=0.5)
+    behind = before = 0
+    for group in linking.links:
+        for source, receiver, exchange in directions(group):
+            rows = np.flatnonzero(forest.region[source] == building.regions.polygon_region[1])
+            x = forest.nodes[receiver[rows], :, 0] + building.regions.centre[0]
+            if exchange.shape[1] > 1:
+                assert not exchange[rows][x < 1.7].any()
+                behind += (x < 1.7).sum()
+                before += (exchange[rows][x > 1.7] > 0).sum()
+    assert behind > 0
+    assert before > 0
+
+
 def test_a_blocker_between_two_squares():
     lower, upper = rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0)), rectangle((0, 0, 1), (0, 1, 0), (1, 0, 0))
     plate = rectangle((0.21, 0.27, 0.43), (0.5, 0.03, 0), (-0.02, 0.47, 0.05))
