@@ -111,6 +111,7 @@ class Solution:
         """
         element, own = self._at(region, uv)
         reach = np.minimum(0.25 * self._forest.box[element, 2:], np.minimum(uv, self._building.regions.size[region] - uv))
+        reach *= 1 - 1e-9  # rounding must not carry a place over the border
         total, leaf = np.zeros_like(own), self._forest.leaf
         for side in np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]]):
             other, light = self._at(region, uv + side * reach)
