@@ -26,12 +26,14 @@ class Portals:
     start : (K + 1,) int64, portal k owns corners ``start[k]:start[k + 1]`` (3 or more)
     rooms : (K, 2) int32, the two rooms, the normal runs from ``rooms[:, 0]`` to ``rooms[:, 1]``; -1 is the outside
     names : K names for messages (object and face in Blender), may be empty texts
+    depth : (K,) float64 or None for zeros, metres; an opening that is not planar lies within this of the plane of its polygon
     """
 
     vertices: np.ndarray
     start: np.ndarray
     rooms: np.ndarray
     names: tuple[str, ...] = ()
+    depth: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.rooms)

@@ -39,8 +39,9 @@ def check(scene: Scene) -> tuple[Scene, tuple[Finding, ...]]:
     """The scene, mended where that is possible, and what was found.
 
     Polygons keep their indices: those without area stay in the scene, and every later stage passes over them. A portal
-    that is concave or bent is replaced by the convex hull of its corners in the plane that fits them best: the graph may then
-    hold needless pairs, and light is still stopped by the walls themselves.
+    that is concave or bent is replaced by the convex hull of its corners in the plane that fits them best, and keeps the
+    distance of its corners from that plane as its depth: the graph may then hold needless pairs, and light is still
+    stopped by the walls themselves.
 
     Raises :class:`SceneError` with one sentence when the scene cannot be solved: nothing in it, corners that are no
     numbers, indices that point nowhere, or portals that do not join two rooms.
@@ -205,7 +206,11 @@ def _mend_portals(portals: Portals, findings: list[Finding]) -> Portals:
         findings.append(Finding("portal_hull", text + _listed([_portal(portals, k) for k in mended]), portals=_ids(mended)))
         polygons = [mended.get(k, portals.polygon(k)) for k in range(len(portals))]
         offsets = np.concatenate([np.zeros(1, np.int64), np.cumsum([len(p) for p in polygons])]).astype(np.int64)
-        return replace(portals, vertices=np.concatenate(polygons), start=offsets)
+        depth = np.zeros(len(portals)) if portals.depth is None else portals.depth.copy()
+        for k in mended:
+            if bent[k]:
+                depth[k] += _distance_to_plane(portals.polygon(k), polygons[k])
+        return replace(portals, vertices=np.concatenate(polygons), start=offsets, depth=depth if depth.any() else None)
     return portals
 
 
@@ -244,6 +249,12 @@ def _hull(corners: np.ndarray, vector: np.ndarray) -> np.ndarray:
         hull += side[:-1]
     flat = np.array(hull)
     return middle + flat[:, :1] * u + flat[:, 1:] * v
+
+
+def _distance_to_plane(points: np.ndarray, polygon: np.ndarray) -> float:
+    """Largest distance of points (n, 3) from the plane of a planar polygon (m, 3)."""
+    normal = np.cross(polygon - polygon[0], np.roll(polygon, -1, axis=0) - polygon[0]).sum(axis=0)
+    return float(np.abs((points - polygon[0]) @ normal).max() / np.linalg.norm(normal))
 
 
 # ---------------------------------------------------------------------------------------------------------- words

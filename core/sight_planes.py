@@ -1,0 +1,167 @@
+"""What a cluster sees through one window: supporting planes, and polygons clipped by them (paper, section 5.1).
+
+A supporting plane goes through an edge of the window, with the window on one side and the cluster's box, touched, on the
+other. Any line from the box through the window stays on the window's side of it behind the window.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .portal_world import MAX_CORNERS, PortalWorld
+
+_FLAT = 1e12
+"""Cotangent of a plane that lies in the window: it lets everything pass."""
+_CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+_BOX_EDGES = np.array([(a, b) for a in range(8) for b in range(a) if bin(a ^ b).count("1") == 1])
+
+
+@dataclass
+class Windows:
+    """Ways to look into a room: N windows that clusters (``source``) look through.
+
+    source : (N,) clusters;  portal : (N,) directed windows of the world that these are parts of
+    corner : (N, n, 3), last one repeated;  before : (N, m, 3) the window before, or None where there is none or it is not used
+    path : (N, depth) directed windows from the cluster to this one;  parent : (N,) row of the window before, in its own front
+    """
+
+    source: np.ndarray
+    portal: np.ndarray
+    corner: np.ndarray
+    before: np.ndarray | None
+    path: np.ndarray
+    parent: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.source)
+
+    def take(self, index: np.ndarray | slice) -> Windows:
+        """Some of the windows."""
+        before = None if self.before is None else self.before[index]
+        return Windows(self.source[index], self.portal[index], self.corner[index], before, self.path[index], self.parent[index])
+
+
+def supporting_planes(world: PortalWorld, front: Windows) -> tuple[Windows, np.ndarray]:
+    """The windows that their clusters can look through at all, and (N, n + 1, 4) planes (a, b): visible is a.x <= b.
+
+    The last plane is that of the window. An edge whose plane cannot be laid, because box or window before touch it or cross
+    the window's plane on the wrong side of it, has the window's plane too. From within a prism, or from behind it,
+    everything counts as visible: an opening that is not planar may face any way there.
+    """
+    half = world.half[front.source] + world.slack
+    box = world.centre[front.source][:, None] + _CORNERS * half[:, None]
+    normal, reach = world.normal[front.portal], world.depth[front.portal]
+    height = np.einsum("nc,nc->n", normal, front.corner[:, 0])
+    depth = height[:, None] - np.einsum("nvc,nc->nv", box, normal)
+    open_ = (depth.max(axis=1) > 0) | (reach > 0)
+    if front.before is not None:
+        before_depth = height[:, None] - np.einsum("nvc,nc->nv", front.before, normal)
+        open_ &= (before_depth.max(axis=1) > -world.slack) | (reach > 0) | (world.depth[front.path[:, -2]] > 0)
+    if not open_.all():
+        front, box, normal, height, depth, reach = (front.take(open_), *(x[open_] for x in (box, normal, height, depth, reach)))
+        before_depth = None if front.before is None else before_depth[open_]
+    edge = np.roll(front.corner, -1, axis=1) - front.corner
+    length = np.linalg.norm(edge, axis=2, keepdims=True)
+    real = length[..., 0] > world.slack
+    outward = np.cross(edge, normal[:, None]) / np.where(length > 0, length, 1)
+    edge_height = np.einsum("nkc,nkc->nk", outward, front.corner)
+
+    side = np.einsum("nkc,nvc->nkv", outward, box) - edge_height[..., None]
+    cotangent = _cotangent(side, depth, _BOX_EDGES, world.slack)
+    deep = np.flatnonzero(reach > 0)
+    cotangent[deep] = _deep_cotangent(side[deep], depth[deep], reach[deep])
+    if front.before is not None:
+        size = front.before.shape[1]
+        ring = np.stack([np.arange(size), np.roll(np.arange(size), -1)], axis=1)
+        side = np.einsum("nkc,nvc->nkv", outward, front.before) - edge_height[..., None]
+        from_before = _cotangent(side, before_depth, ring, world.slack)
+        last = front.path[:, -2]
+        deep_before = np.flatnonzero((reach > 0) | (world.depth[last] > 0))
+        if len(deep_before):
+            across, normal_before = world.depth[last][deep_before], world.normal[last][deep_before]
+            spread = across[:, None] * np.einsum("nkc,nc->nk", outward[deep_before], normal_before)
+            slant = across * np.einsum("nc,nc->n", normal[deep_before], normal_before)
+            both = side[deep_before], before_depth[deep_before]
+            sides = np.concatenate([both[0] + spread[..., None], both[0] - spread[..., None]], axis=2)
+            depths = np.concatenate([both[1] - slant[:, None], both[1] + slant[:, None]], axis=1)
+            from_before[deep_before] = _deep_cotangent(sides, depths, reach[deep_before])
+        cotangent = np.maximum(cotangent, from_before)
+    cotangent = np.where(real, cotangent, -_FLAT)
+    length = np.sqrt(cotangent * cotangent + 1.0)
+    planes = np.empty((len(front), edge.shape[1] + 1, 4))
+    planes[:, :-1, :3] = (cotangent[..., None] * normal[:, None] + outward) / length[..., None]
+    planes[:, :-1, 3] = (cotangent * height[:, None] + edge_height + np.abs(cotangent) * reach[:, None]) / length
+    planes[:, -1, :3] = -normal
+    planes[:, -1, 3] = reach - height
+    planes[deep[depth[deep].min(axis=1) <= reach[deep]], :, 3] = np.inf
+    planes[..., 3] += world.slack
+    return front, planes
+
+
+def _cotangent(side: np.ndarray, depth: np.ndarray, edges: np.ndarray, slack: float) -> np.ndarray:
+    """(N, K): side over depth of the point of a convex body that opens the view past an edge widest.
+
+    side : (N, K, V) distance of the body's corners outward from each of K edges, in the window's plane
+    depth : (N, V) distance in front of the window's plane;  edges : (E, 2) corners joined by the body's edges
+    Only the part of the body in front of the plane counts. A body that reaches the edge, or meets the plane inward of
+    it, opens the whole half-space: -_FLAT. No part in front says nothing either: -_FLAT.
+    """
+    ahead = depth > 0
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        ratio = np.where(ahead[:, None], side / depth[:, None], np.inf)
+    result = np.clip(ratio.min(axis=2), -_FLAT, _FLAT)
+    result[((np.abs(side) <= slack) & (np.abs(depth) <= slack)[:, None]).any(axis=2) | ~ahead.any(axis=1)[:, None]] = -_FLAT
+    crossing = np.flatnonzero(~ahead.all(axis=1) & ahead.any(axis=1))
+    if len(crossing):
+        a, b = edges.T
+        da, db = depth[crossing][:, a], depth[crossing][:, b]
+        cuts = (da > 0) != (db > 0)
+        t = np.where(cuts, da / np.where(cuts, da - db, 1.0), 0.0)
+        sa, sb = side[crossing][:, :, a], side[crossing][:, :, b]
+        at = np.where(cuts[:, None], sa + t[:, None] * (sb - sa), np.inf).min(axis=2)
+        result[crossing] = np.where(at <= slack, -_FLAT, result[crossing])
+    return result
+
+
+def _deep_cotangent(side: np.ndarray, depth: np.ndarray, reach: np.ndarray) -> np.ndarray:
+    """As :func:`_cotangent`, for prisms that reach ``reach`` (N,) to both sides of the plane.
+
+    The plane touches the far rim of the prism where it closes in on the view, the near rim where it opens out. A body that is
+    not wholly in front of the prism opens the whole half-space.
+    """
+    before = depth.min(axis=1) > reach
+    near, far = np.where(before[:, None], depth - reach[:, None], 1.0), np.where(before[:, None], depth + reach[:, None], 1.0)
+    closing = (side / far[:, None]).min(axis=2)
+    opening = (side / near[:, None]).min(axis=2)
+    return np.where(before[:, None], np.maximum(np.where(closing >= 0, closing, opening), -_FLAT), -_FLAT)
+
+
+def clipped(corner: np.ndarray, inward: np.ndarray) -> np.ndarray:
+    """Cut from (N, n, 3) convex polygons what has ``inward`` (N, n) below zero; every polygon has a corner that stays.
+
+    Returns (N, n', 3), last corner repeated; polygons that would get more than MAX_CORNERS corners are left whole.
+    """
+    cut = np.flatnonzero((inward < 0).any(axis=1))
+    if not len(cut):
+        return corner
+    polygon, height = corner[cut], inward[cut]
+    following, next_height = np.roll(polygon, -1, axis=1), np.roll(height, -1, axis=1)
+    inside = height >= 0
+    crosses = inside != (next_height >= 0)
+    t = height / np.where(crosses, height - next_height, 1.0)
+    # Every corner gives itself where it is inside and the crossing after it, packed to the left.
+    slots = np.stack([polygon, polygon + t[..., None] * (following - polygon)], axis=2).reshape(len(cut), -1, 3)
+    used = np.stack([inside, crosses], axis=2).reshape(len(cut), -1)
+    count = used.sum(axis=1)
+    width = int(min(count.max(), MAX_CORNERS))
+    packed = np.argsort(~used, axis=1, kind="stable")[:, :width]
+    packed = np.take_along_axis(packed, np.minimum(np.arange(width), count[:, None] - 1), axis=1)
+    result = np.take_along_axis(slots, packed[..., None], axis=1)
+    whole = count > MAX_CORNERS
+    size = max(corner.shape[1], width)
+    out = corner[:, np.minimum(np.arange(size), corner.shape[1] - 1)]
+    result = result[:, np.minimum(np.arange(size), width - 1)]
+    out[cut[~whole]] = result[~whole]
+    return out
