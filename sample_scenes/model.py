@@ -153,8 +153,13 @@ def to_scene(model: Model) -> Scene:
 
 def weld(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(V, 3) distinct points and (n,) the one of each of (n, 3) points; a micrometre apart is the same point."""
-    _, first, index = np.unique(np.round(points * 1e6).astype(np.int64), axis=0, return_index=True, return_inverse=True)
-    return points[first], index.ravel()
+    grid = np.round(points * 1e6).astype(np.int64)
+    order = np.lexsort(grid.T[::-1])
+    new = np.ones(len(order), bool)
+    new[1:] = (grid[order[1:]] != grid[order[:-1]]).any(axis=1)
+    index = np.empty(len(order), np.int64)
+    index[order] = np.cumsum(new) - 1
+    return points[order[new]], index
 
 
 def _lines(length: float, cuts: list[float]) -> np.ndarray:
