@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .clustering import Clusters
+from .clustering import ClusterItems, Clusters
 from .grouping import components, starts_of
 from .scene import Portals
 
@@ -24,15 +24,18 @@ class PortalWorld:
     """Boxes and directed windows about the middle of the building, sorted by room.
 
     C clusters: ``centre, half`` (C, 3) boxes; ``room`` (C,); ``by_room`` (C,) clusters in the order of their rooms, room r owns
-    ``by_room[room_start[r]:room_start[r + 1]]``
+    ``by_room[room_start[r]:room_start[r + 1]]``; cluster c holds the boxes ``item_centre, item_half`` [item_start[c]:item_start[c + 1]]
     D directed windows: ``window`` (D, n, 3) corners, the last repeated; ``normal`` (D, 3) to the room behind; ``depth`` (D,)
     metres; ``source, target`` (D,) rooms before and behind; ``portal`` (D,) the portal it belongs to; room r looks through
     ``portal_start[r]:portal_start[r + 1]``
     ``component`` (R,) label of the connected part of the building; ``middle`` (3,) what was subtracted; ``slack`` metres
     """
 
-    def __init__(self, clusters: Clusters, portals: Portals, rooms: int, framed: bool) -> None:
-        """``framed``: portals that are no upright rectangles become their bounding boxes, as in the paper (section 5.1)."""
+    def __init__(self, clusters: Clusters, portals: Portals, rooms: int, framed: bool, items: ClusterItems | None) -> None:
+        """``items`` that the clusters are of, or None to go by the boxes of clusters alone.
+
+        ``framed``: portals that are no upright rectangles become their bounding boxes, as in the paper (section 5.1).
+        """
         corners = [clusters.box_min, clusters.box_max, portals.vertices]
         low = np.min([c.min(axis=0) for c in corners if len(c)], axis=0, initial=np.inf)
         high = np.max([c.max(axis=0) for c in corners if len(c)], axis=0, initial=-np.inf)
@@ -40,6 +43,12 @@ class PortalWorld:
         self.slack = TOLERANCE * float(np.linalg.norm(high - low)) if len(clusters) else 0.0
         self.centre = 0.5 * (clusters.box_min + clusters.box_max) - self.middle
         self.half = 0.5 * (clusters.box_max - clusters.box_min)
+        if items is None:
+            self.item_start, self.item_centre, self.item_half = np.arange(len(clusters) + 1), self.centre, self.half
+        else:
+            low, high = items.box_min[clusters.members], items.box_max[clusters.members]
+            self.item_start = clusters.start
+            self.item_centre, self.item_half = 0.5 * (low + high) - self.middle, 0.5 * (high - low)
         self.room = clusters.room
         self.by_room = np.argsort(clusters.room, kind="stable")
         self.room_start = starts_of(clusters.room[self.by_room], rooms)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .clustering import Clusters
+from .clustering import ClusterItems, Clusters
 from .polygons import clip_half
 from .portal_world import PortalWorld
 from .scene import Portals
@@ -72,14 +72,22 @@ class Sight:
         return _faces(planes, 0.5 * (low + high), float(np.linalg.norm(high - low)))
 
 
-def sight(clusters: Clusters, portals: Portals, room_count: int, cluster: int, graph: VisibilityGraph, volumes: str = "windows") -> Sight:
+def sight(
+    clusters: Clusters,
+    portals: Portals,
+    room_count: int,
+    cluster: int,
+    graph: VisibilityGraph,
+    volumes: str = "windows",
+    items: ClusterItems | None = None,
+) -> Sight:
     """All that ``cluster`` sees, window by window, in rising number of portals.
 
     Arguments as those of ``visibility_graph.build``, and the graph that it made: pairs that the graph lacks, because the other
     cluster does not see this one, are left out. Where the graph gave up on a chain of more than ``MAX_PORTALS`` portals,
     ``crossed`` is one more than that and there is no window.
     """
-    world = PortalWorld(clusters, portals, room_count, framed=volumes == "boxes")
+    world = PortalWorld(clusters, portals, room_count, volumes == "boxes", items)
     crossed = np.where(graph.sees(cluster, np.arange(len(clusters))), MAX_PORTALS + 1, -1).astype(np.int32)
     crossed[clusters.room == clusters.room[cluster]] = 0
     window_of = np.full(len(clusters), -1)

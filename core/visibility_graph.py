@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .clustering import Clusters
+from .clustering import ClusterItems, Clusters
 from .grouping import ragged, starts_of
 from .portal_world import PortalWorld, frames
 from .scene import Portals
@@ -77,15 +77,16 @@ class VisibilityGraph:
 
 
 def build(
-    clusters: Clusters, portals: Portals, room_names: Sequence[str], volumes: str = "windows"
+    clusters: Clusters, portals: Portals, room_names: Sequence[str], volumes: str = "windows", items: ClusterItems | None = None
 ) -> tuple[VisibilityGraph, tuple[str, ...]]:
     """The graph of all clusters, and sentences about what was cut short.
 
     Boxes and portals must be in one frame. Portals are convex polygons with a depth (``scene_checks.check`` sees to that),
     their normals run from the first to the second room; those to the outside lead nowhere and those without area let
-    nothing pass. ``volumes`` is ``"windows"`` or ``"boxes"``. The graph of cells is that of ``clustering.cells``.
+    nothing pass. ``volumes`` is ``"windows"`` or ``"boxes"``. The graph of cells is that of ``clustering.cells``. With the
+    ``items`` that the clusters are of, walls that lie around a door in its plane are known to be beside it.
     """
-    world = PortalWorld(clusters, portals, len(room_names), framed=volumes == "boxes")
+    world = PortalWorld(clusters, portals, len(room_names), volumes == "boxes", items)
     count = len(clusters)
     bits = np.zeros((count, (count + 7) // 8), np.uint8)
     findings: list[str] = []
