@@ -127,7 +127,8 @@ class ENFILADE_PT_solver(_SubPanel, bpy.types.Panel):
         solve = context.scene.enfilade.solve
         for group in (
             ("order", "min_element_size", "max_iterations"),
-            ("average", "distance", "large_polygon"),
+            ("average", "large_polygon", "distance", "reflectance_weight", "emission_weight", "orientation_weight"),
+            ("seeding", "huge_room", "hierarchy_children"),
             ("emitters", "ordering"),
             ("memory", "store", "threads", "seed"),
         ):

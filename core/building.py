@@ -100,6 +100,8 @@ def items_of(surfaces: Regions) -> ClusterItems:
         smaller_edge=surfaces.size.min(1),
         room=surfaces.room,
         weight=np.bincount(used, minlength=count).astype(np.int64),
+        reflectance=surfaces.reflectance,
+        emission=surfaces.emission,
         vertices=corners.reshape(-1, 3),
         vertex_start=4 * np.arange(count + 1),
     )

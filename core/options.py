@@ -11,7 +11,17 @@ from dataclasses import dataclass, field
 from typing import Any
 
 ORDERINGS = ("random", "max_energy")
-DISTANCES = ("barycenter", "closest_vertex", "orthogonal")
+DISTANCES = (
+    "barycenter",
+    "closest_vertex",
+    "orthogonal",
+    "volume_increase",
+    "area_increase",
+    "reflectance",
+    "emission",
+    "orientation",
+)
+SEEDINGS = ("spread", "random")
 
 
 class OptionError(ValueError):
@@ -51,7 +61,25 @@ class Options:
     quality: str = _choice("good", ("draft", "good", "fine"), "Target error of the light: draft 10 %, good 3 %, fine 1 %")
     order: int = _option(2, "int", "Order of the multi-wavelet basis: 1 constant, 2 linear, 3 quadratic", minimum=1, maximum=3)
     average: int = _option(50, "int", "Average number of polygons in a cluster", minimum=1, maximum=100_000)
-    distance: str = _choice("barycenter", DISTANCES, "Distance between a polygon and the barycenter of a cluster")
+    distance: str = _choice("barycenter", DISTANCES, "Distance between a polygon and a cluster")
+    reflectance_weight: float = _option(
+        0.0, "float", "Added to the distance for a difference of 1 in reflectance", unit="m", minimum=0.0, maximum=1e6
+    )
+    emission_weight: float = _option(
+        0.0, "float", "Added to the distance for a difference of 1 W/m2 in emitted exitance", unit="m", minimum=0.0, maximum=1e6
+    )
+    orientation_weight: float = _option(
+        0.0, "float", "Added to the distance for a difference of 1 (60 degrees) in unit normals", unit="m", minimum=0.0, maximum=1e6
+    )
+    seeding: str = _choice("spread", SEEDINGS, "Where clusters begin: polygons far from one another (k-means++), or any as in the paper")
+    huge_room: int = _option(
+        4000,
+        "int",
+        "Rooms with more polygons than this are divided into clusters by a hierarchy, in O(N log N)",
+        minimum=0,
+        maximum=2**31 - 1,
+    )
+    hierarchy_children: int = _option(16, "int", "Most children of a node of this hierarchy", minimum=2, maximum=100_000)
     large_polygon: float = _option(
         1.0, "float", "A polygon whose smaller edge is longer than this is a cluster of its own", unit="m", minimum=0.0, maximum=1e6
     )

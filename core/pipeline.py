@@ -91,9 +91,7 @@ def _build(scene: Scene, options: Options, rng: np.random.Generator, clock: _Clo
     clock.lap("merge")
 
     yield Progress("cluster", 0.02, f"Clustering {len(surfaces)} surfaces")
-    distance = clustering.DISTANCE_FUNCTIONS[options.distance]
-    sizes = {"average": options.average, "large_polygon": options.large_polygon}
-    clusters = clustering.cluster_items(items_of(surfaces), scene.room_count, distance=distance, rng=rng, **sizes)
+    clusters = clustering.cluster_as_chosen(items_of(surfaces), scene.room_count, options, rng)
     store.keep("clusters", clusters)
     clock.lap("cluster")
 
