@@ -20,7 +20,7 @@ from .model import Material
 from .plans import Plan, Space, rectangle
 
 ROOMS, POLYGONS = 182, 146_266
-HEIGHT, WALL, DOOR = 3.0, 0.2, (1.0, 2.1)
+HEIGHT, WALL, DOOR, TILE = 3.0, 0.2, (1.0, 2.1), 1.25
 LOOPS = 0.12
 """Share of the doors that the tree leaves closed and that are opened all the same."""
 DARK = 0.15
@@ -31,7 +31,9 @@ PLASTER = tuple(
     Material(f"Plaster {k}", c)
     for k, c in enumerate(((0.76, 0.73, 0.68), (0.62, 0.2, 0.1), (0.18, 0.26, 0.5), (0.72, 0.5, 0.18), (0.25, 0.42, 0.25)))
 )
-FLOORS = tuple(Material(f"Floor {k}", c) for k, c in enumerate(((0.46, 0.29, 0.16), (0.5, 0.49, 0.47), (0.6, 0.44, 0.28))))
+BLACK = Material("Black marble", (0.12, 0.12, 0.13))
+FLOORS = tuple((Material(f"Marble {k}", c), BLACK) for k, c in enumerate(((0.6, 0.36, 0.28), (0.62, 0.6, 0.57), (0.66, 0.56, 0.38))))
+"""Two colours of a chequered floor."""
 CEILING = Material("Ceiling white", (0.82, 0.82, 0.8))
 
 
@@ -46,7 +48,8 @@ def scene(scale: float = 1.0, seed: int = 1) -> Scene:
         j, i = divmod(index, across)
         outline = rectangle(lines[0][i], lines[1][j], lines[0][i + 1] - WALL, lines[1][j + 1] - WALL)
         walls, floor = PLASTER[rng.integers(len(PLASTER))], FLOORS[rng.integers(len(FLOORS))]
-        plan.spaces.append(Space(f"Room {j + 1}.{i + 1}", outline, 0.0, HEIGHT, walls, floor, CEILING))
+        tiles = tuple(np.round((outline[2] - outline[0]) / TILE).astype(int).tolist())
+        plan.spaces.append(Space(f"Room {j + 1}.{i + 1}", outline, 0.0, HEIGHT, walls, floor, CEILING, tiles))
         rooms.append(Room())
     for a, b in _doors(count, across, rng):
         _door(plan, a, b, rng)

@@ -90,12 +90,12 @@ def _between(k: int) -> np.ndarray:
 def _space(storey: int, k: int) -> Space:
     base = storey * STOREY
     if storey == STOREYS:
-        return Space("Lantern", _octagon(EYE + 1.6), base, 3.0, PLASTER, FLOOR, CEILING)
+        return Space("Lantern", _octagon(EYE + 1.6), base, 3.0, PLASTER, (FLOOR,), CEILING)
     if k < 0:
-        return Space(f"Hall {storey + 1}", _octagon(HALL), base, HEIGHT, PLASTER, FLOOR, CEILING)
+        return Space(f"Hall {storey + 1}", _octagon(HALL), base, HEIGHT, PLASTER, (FLOOR,), CEILING)
     corners = [(INNER, -1), (OUTER, -1), (OUTER, 1), (INNER, 1)]
     outline = np.array([_at(k, out, side * _half(out)) for out, side in corners])
-    return Space(f"Room {storey + 1}.{k + 1}", outline, base, HEIGHT, SIDES[k % len(SIDES)], FLOOR, CEILING)
+    return Space(f"Room {storey + 1}.{k + 1}", outline, base, HEIGHT, SIDES[k % len(SIDES)], (FLOOR,), CEILING)
 
 
 def _furnish_hall(plan: Plan, index: int, room: Room, rng: np.random.Generator) -> None:

@@ -25,6 +25,8 @@ class Space:
 
     Wall i stands on the edge from corner i to corner i + 1. ``holes`` maps a wall to (s0, t0, s1, t1) as in ``Panel``.
     A slab with an opening keeps its outline ``floor_hole`` or ``ceiling_hole`` (n, 2), corner i near corner i of the room.
+    A room of four corners may have a floor of ``tiles`` along wall 0 and wall 1, whose materials alternate; a long one of four
+    corners may be built in ``bays`` along wall 0, whose floors, ceilings and walls are objects of their own.
     """
 
     name: str
@@ -32,8 +34,10 @@ class Space:
     base: float
     height: float
     walls: Material
-    floor: Material
+    floor: tuple[Material, ...]
     ceiling: Material
+    tiles: tuple[int, int] = (1, 1)
+    bays: int = 1
     holes: dict[int, list[tuple[float, float, float, float]]] = field(default_factory=dict)
     floor_hole: np.ndarray | None = None
     ceiling_hole: np.ndarray | None = None
@@ -50,9 +54,35 @@ class Space:
         for i in range(len(self.outline)):
             origin, along, length = self.wall(i)
             walls.append(Panel(origin, along * length, UP * self.height, self.walls, tuple(self.holes.get(i, ()))))
-        floor = _slab(self.outline, self.floor_hole, self.base)
-        ceiling = _slab(self.outline, self.ceiling_hole, self.base + self.height)[:, ::-1]
-        return {"floor": faces(floor, self.floor), "ceiling": faces(ceiling, self.ceiling), "wall": of_panels(walls)}
+        top = self.base + self.height
+        if self.bays > 1:
+            across = (self.bays, 1)
+            parts = {"floor": _tiles(self.outline, across, self.base), "ceiling": _tiles(self.outline, across, top)[:, ::-1]}
+            return self._in_bays(
+                {**{k: faces(v, self.floor[0] if k == "floor" else self.ceiling) for k, v in parts.items()}, "wall": of_panels(walls)}
+            )
+        if self.tiles == (1, 1):
+            floor = faces(_slab(self.outline, self.floor_hole, self.base), self.floor[0])
+        else:
+            tiles = _tiles(self.outline, self.tiles, self.base)
+            colour = np.add.outer(np.arange(self.tiles[0]), np.arange(self.tiles[1])).ravel() % len(self.floor)
+            floor = join([faces(tiles[colour == k], material) for k, material in enumerate(self.floor)])
+        return {
+            "floor": floor,
+            "ceiling": faces(_slab(self.outline, self.ceiling_hole, top)[:, ::-1], self.ceiling),
+            "wall": of_panels(walls),
+        }
+
+    def _in_bays(self, parts: dict[str, Solid]) -> dict[str, Solid]:
+        """Every part cut into one for each bay, by the middles of its faces."""
+        ahead = self.outline[1] - self.outline[0]
+        found = {}
+        for name, solid in parts.items():
+            way = (solid.corners.mean(axis=1)[:, :2] - self.outline[0]) @ ahead / (ahead @ ahead)
+            bay = np.clip((way * self.bays).astype(int), 0, self.bays - 1)
+            for k in np.unique(bay).tolist():
+                found[f"{name} {k + 1}"] = Solid(solid.corners[bay == k], solid.look[bay == k])
+        return found
 
     def wall_places(self, width: float, depth: float) -> list[tuple[float, float, float]]:
         """(x, y, degrees) for things with their back (+y) to a wall, clear of doors, corners and one another."""
@@ -188,6 +218,16 @@ def _slab(outline: np.ndarray, hole: np.ndarray | None, z: float) -> np.ndarray:
     else:
         flat = np.stack([outline, np.roll(outline, -1, axis=0), np.roll(hole, -1, axis=0), hole], axis=1)
     return np.concatenate([flat, np.full((*flat.shape[:2], 1), z)], axis=2)
+
+
+def _tiles(outline: np.ndarray, count: tuple[int, int], z: float) -> np.ndarray:
+    """(n * m, 4, 3) tiles of a parallelogram (4, 2), n along its first edge and m along its second, seen from above."""
+    n, m = count
+    i, j = (index.ravel() for index in np.meshgrid(np.arange(n), np.arange(m), indexing="ij"))
+    s = np.stack([i, i + 1, i + 1, i], axis=1)[..., None] / n
+    t = np.stack([j, j, j + 1, j + 1], axis=1)[..., None] / m
+    flat = outline[0] + s * (outline[1] - outline[0]) + t * (outline[3] - outline[0])
+    return np.concatenate([flat, np.full((n * m, 4, 1), z)], axis=2)
 
 
 def _fence(outline: np.ndarray, low: float, high: float) -> np.ndarray:

@@ -2,7 +2,7 @@
 """An office building of the size of the paper's Test scene: 3 floors, 648 rooms and corridors, 58,608 polygons.
 
 On each floor corridors run west to east, two in line, with up to nine rooms to the north and eight to the south; some
-neighbours have a door between them, and one room in every wing opens into the wing behind it. Stairs join the floors.
+neighbours have a door between them, and one room in every wing opens into the wing behind it. A stairwell joins the floors.
 The originals of the paper's scenes were never published: this one has their counts and their structure.
 
 Run it: ``python -m enfilade.sample_scenes.test_scene --out test_scene.npz``
@@ -44,12 +44,12 @@ def scene(scale: float = 1.0, seed: int = 1) -> Scene:
     stairs = []
     for floor in range(FLOORS):
         spaces = count // FLOORS + (floor < count % FLOORS)
-        stairs.append(len(plan.spaces))
-        _floor(plan, rooms, floor, spaces, rng)
+        _floor(plan, rooms, floor, spaces - 1, rng)
+        stairs.append(_stairwell(plan, rooms, floor))
     for floor in range(FLOORS - 1):
         _stairs(plan, rooms, stairs[floor], stairs[floor + 1], floor)
     for index, room in enumerate(rooms):
-        _furnish(plan, index, room, np.random.default_rng([seed, index]), index in stairs)
+        _furnish(plan, index, room, np.random.default_rng([seed, index]))
     return fill("Test scene", plan, rooms, max(round(POLYGONS * scale), 1), seed)
 
 
@@ -60,21 +60,21 @@ def _floor(plan: Plan, rooms: list[Room], floor: int, spaces: int, rng: np.rando
         x, previous, behind, backs = 0.0, None, backs, []
         for half, begin in enumerate(range(first, min(first + 2 * WING, spaces), WING)):
             count, name = min(WING, spaces - begin) - 1, f"{'ABC'[floor]}{2 * row + half + 1}"
-            x, corridor = _wing(plan, rooms, base, x, row * PITCH, count, name, rng, behind, backs, begin == 0)
+            x, corridor = _wing(plan, rooms, base, x, row * PITCH, count, name, rng, behind, backs)
             if previous is not None:
                 centre = np.array([plan.spaces[corridor].outline[0, 0] - WALL / 2, row * PITCH + DEPTH + WALL + WIDE / 2])
                 plan.door(previous, EAST, corridor, WEST, centre, 1.6, 2.2)
             previous = corridor
 
 
-def _wing(plan, rooms, base, x, y, count, name, rng, behind, backs, with_stairs) -> tuple[float, int]:
+def _wing(plan, rooms, base, x, y, count, name, rng, behind, backs) -> tuple[float, int]:
     """A corridor with ``count`` rooms from (x, y) on; returns where the next wing begins and the corridor's number."""
     sides = (count - count // 2, count // 2)  # north, south
     length = 4.0 * max(sides[0], 2)
     south = y + DEPTH + WALL
     corridor = len(plan.spaces)
-    start = x - STAIRS if with_stairs else x
-    _space(plan, rooms, f"{name} corridor", rectangle(start, south, x + length, south + WIDE), base, 0)
+    _space(plan, rooms, f"{name} corridor", rectangle(x, south, x + length, south + WIDE), base, 0)
+    plan.spaces[corridor].bays = max(sides[0], 2)
     for side, number in zip((NORTH, SOUTH), sides, strict=True):
         width = length / max(number, 1)
         low = south + WIDE + WALL if side == NORTH else y
@@ -105,12 +105,21 @@ def _back_door(plan: Plan, room: int, x0: float, x1: float, behind: list[tuple[i
 
 def _space(plan: Plan, rooms: list[Room], name: str, outline: np.ndarray, base: float, paint: int | None) -> None:
     k = len(plan.spaces) if paint is None else paint
-    plan.spaces.append(Space(name, outline, base, HEIGHT, PLASTER[k % len(PLASTER)], CARPET[k % len(CARPET)], CEILING))
+    plan.spaces.append(Space(name, outline, base, HEIGHT, PLASTER[k % len(PLASTER)], (CARPET[k % len(CARPET)],), CEILING))
     rooms.append(Room())
 
 
+def _stairwell(plan: Plan, rooms: list[Room], floor: int) -> int:
+    """A room for the stairs at the west end of the first corridor; returns its number."""
+    corridor = next(k for k, space in enumerate(plan.spaces) if space.name == f"{'ABC'[floor]}1 corridor")
+    (x, y), room = plan.spaces[corridor].outline[0], len(plan.spaces)
+    _space(plan, rooms, f"{'ABC'[floor]} stairwell", rectangle(x - WALL - STAIRS, y, x - WALL, y + WIDE), floor * STOREY, 0)
+    plan.door(room, EAST, corridor, WEST, np.array([x - WALL / 2, y + WIDE / 2]), 1.2, 2.1)
+    return room
+
+
 def _stairs(plan: Plan, rooms: list[Room], lower: int, upper: int, floor: int) -> None:
-    """A flight at the west end of the first corridor; flights of neighbouring floors stand side by side."""
+    """A flight from one floor to the next; flights of neighbouring floors stand side by side."""
     x, y = plan.spaces[lower].outline[0]
     y += 0.65 if floor % 2 == 0 else WIDE - 0.65
     plan.shaft(lower, upper, rectangle(x + 0.35, y - 0.53, x + 4.25, y + 0.53))
@@ -118,18 +127,21 @@ def _stairs(plan: Plan, rooms: list[Room], lower: int, upper: int, floor: int) -
     rooms[lower].must.append(("stairs", flight.at(x + 0.5, y, plan.spaces[lower].base)))
 
 
-def _furnish(plan: Plan, index: int, room: Room, rng: np.random.Generator, first: bool) -> None:
+def _furnish(plan: Plan, index: int, room: Room, rng: np.random.Generator) -> None:
     space = plan.spaces[index]
     (x0, y0), (x1, y1) = space.outline[0], space.outline[2]
     lamp = fit.LAMPS[rng.integers(len(fit.LAMPS))]
+    if "stairwell" in space.name:
+        room.must += lamps(plan, index, [(x1 - 0.18, (y0 + y1) / 2, 90.0)], (0.6, 0.2), lamp, 0.12)
+        room.pots = [(x1 - 0.45, y0 + 0.4)]
+        room.weight = 0.1
+        return
     if "corridor" in space.name:
-        begin = x0 + STAIRS if first else x0
-        spots = [(x, (y0 + y1) / 2, 0.0) for x in np.arange(begin + 3.0, x1 - 1.0, 6.0).tolist()]
-        if first:
-            spots.insert(0, (x0 + 0.3, (y0 + y1) / 2, 90.0))
-        room.must += lamps(plan, index, spots, (1.2, 0.3), lamp, 0.12)
-        room.pots = [(x1 - 0.5, y0 + 0.5), (x1 - 0.5, y1 - 0.5), (begin + 0.5, y0 + 0.5), (begin + 0.5, y1 - 0.5)]
-        places = [p for p in space.wall_places(1.0, 0.4) if p[0] > begin + 1.2 and p[0] < x1 - 1.2]
+        room.must += lamps(
+            plan, index, [(x, (y0 + y1) / 2, 0.0) for x in np.arange(x0 + 3.0, x1 - 1.0, 6.0).tolist()], (1.2, 0.3), lamp, 0.12
+        )
+        room.pots = [(x1 - 0.5, y0 + 0.5), (x1 - 0.5, y1 - 0.5), (x0 + 0.5, y0 + 0.5), (x0 + 0.5, y1 - 0.5)]
+        places = [p for p in space.wall_places(1.0, 0.4) if x0 + 1.2 < p[0] < x1 - 1.2]
         spread = places[:: max(1, len(places) // 3)][:3]
         room.may = [(f"bench {k}", fit.bench(fit.OAK).at(x, y, space.base, turn)) for k, (x, y, turn) in enumerate(spread)]
         room.weight = 1.6

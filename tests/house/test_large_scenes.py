@@ -9,7 +9,7 @@ from enfilade.sample_scenes.filling import share
 
 MAKERS = {"test_scene": test_scene.scene, "labyrinth": labyrinth.scene, "octogon": octogon.scene}
 COUNTS = {"test_scene": (648, 58_608), "labyrinth": (182, 146_266), "octogon": (28, 277_942)}
-SHELL = ("floor of", "ceiling of", "wall of", "frame of")
+SHELL = ("floor", "ceiling", "wall", "frame")
 
 
 @pytest.fixture(scope="module", params=MAKERS)
