@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .polygons import area_vectors, loop_polygon
+from .portal_sides import reversed_portals
 from .scene import OUTSIDE, Portals, Scene, SceneError
 
 MIN_AREA = 1e-14
@@ -41,7 +42,7 @@ def check(scene: Scene) -> tuple[Scene, tuple[Finding, ...]]:
     Polygons keep their indices: those without area stay in the scene, and every later stage passes over them. A portal
     that is concave or bent is replaced by the convex hull of its corners in the plane that fits them best, and keeps the
     distance of its corners from that plane as its depth: the graph may then hold needless pairs, and light is still
-    stopped by the walls themselves.
+    stopped by the walls themselves. A portal whose normal runs against the order of its rooms gets them in the other order.
 
     Raises :class:`SceneError` with one sentence when the scene cannot be solved: nothing in it, corners that are no
     numbers, indices that point nowhere, or portals that do not join two rooms.
@@ -77,7 +78,7 @@ def check(scene: Scene) -> tuple[Scene, tuple[Finding, ...]]:
         findings.append(Finding("empty_room", f"{_count(len(empty), 'room has', 'rooms have')} no polygons: {names}", rooms=_ids(empty)))
     if not (emission[area > MIN_AREA] > 0).any():
         findings.append(Finding("no_light", "nothing in the scene emits light, so the result is black"))
-    portals = _mend_portals(scene.portals, findings)
+    portals = _turn_portals(scene, _mend_portals(scene.portals, findings), findings)
     return replace(scene, reflectance=reflectance, emission=emission, portals=portals), tuple(findings)
 
 
@@ -212,6 +213,21 @@ def _mend_portals(portals: Portals, findings: list[Finding]) -> Portals:
                 depth[k] += _distance_to_plane(portals.polygon(k), polygons[k])
         return replace(portals, vertices=np.concatenate(polygons), start=offsets, depth=depth if depth.any() else None)
     return portals
+
+
+def _turn_portals(scene: Scene, portals: Portals, findings: list[Finding]) -> Portals:
+    turned = np.flatnonzero(reversed_portals(replace(scene, portals=portals)))
+    if not len(turned):
+        return portals
+    # The hull of a crossed outline has no sense that anyone gave it: turning it is nothing to tell.
+    told = np.setdiff1d(turned, [k for finding in findings if finding.kind == "portal_hull" for k in finding.portals])
+    if len(told):
+        text = "normal that runs from the second to the first of its rooms, which are taken the other way round: "
+        text = _count(len(told), f"portal has a {text}", f"portals have a {text}")
+        findings.append(Finding("portal_turned", text + _listed([_portal(portals, k) for k in told]), portals=_ids(told)))
+    rooms = portals.rooms.copy()
+    rooms[turned] = rooms[turned, ::-1]
+    return replace(portals, rooms=rooms)
 
 
 def _concave(edge: np.ndarray, owner: np.ndarray, normal: np.ndarray, extent: np.ndarray) -> np.ndarray:
