@@ -14,7 +14,7 @@ from .polygons import clip_half
 from .portal_world import PortalWorld
 from .scene import Portals
 from .sight_planes import supporting_planes
-from .visibility_graph import MAX_PORTALS, VisibilityGraph, boxes_behind, first_windows, inside, next_windows
+from .visibility_graph import MAX_PORTALS, VisibilityGraph, first_windows, next_windows, seen_behind
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def sight(
         front, planes = supporting_planes(world, front)
         if not len(front):
             break
-        owner, member = inside(world, planes, *boxes_behind(world, front))
+        owner, member = seen_behind(world, front, planes)
         new = np.flatnonzero(crossed[member] > depth)
         # The same cluster may be seen through several windows of one depth: the first of them is kept.
         member, row = np.unique(member[new], return_index=True)

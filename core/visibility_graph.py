@@ -24,7 +24,7 @@ import numpy as np
 
 from .clustering import ClusterItems, Clusters
 from .grouping import ragged, starts_of
-from .portal_world import PortalWorld, frames
+from .portal_world import MAX_CORNERS, PortalWorld, frames
 from .scene import Portals
 from .sight_planes import Windows, clipped, supporting_planes
 
@@ -32,6 +32,8 @@ MAX_PORTALS = 64
 """Longest chain of portals that is followed; where one goes on, all that is connected counts as visible."""
 _BLOCK = 1 << 13
 """Windows that are worked on at once."""
+_BLOCK_BOXES = 1 << 18
+"""Boxes, or corners, times planes that are compared at once."""
 _BLOCK_BYTES = 1 << 23
 """Rows of the graph that are built at once, bytes."""
 _ONES = np.unpackbits(np.arange(256, dtype=np.uint8)[:, None], axis=1).sum(axis=1, dtype=np.int64)
@@ -120,45 +122,63 @@ def first_windows(world: PortalWorld, source: np.ndarray) -> Windows:
     return Windows(source[owner], portal, world.window[portal], None, portal[:, None], np.full(len(portal), -1))
 
 
-def boxes_behind(world: PortalWorld, front: Windows) -> tuple[np.ndarray, np.ndarray]:
-    """All (window, cluster) rows where the cluster is in the room behind the window."""
+def seen_behind(world: PortalWorld, front: Windows, planes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """All (window, cluster): clusters of the room behind whose box is not wholly outside one of the window's ``planes`` (N, k, 4).
+
+    Sorted by window within a room.
+    """
     room = world.target[front.portal]
-    member, owner = ragged(world.room_start[room], np.diff(world.room_start)[room])
-    return owner, world.by_room[member]
-
-
-def inside(world: PortalWorld, planes: np.ndarray, owner: np.ndarray, member: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The rows (window, cluster) whose box is not wholly outside one of the window's ``planes`` (N, k, 4)."""
-    for k in range(planes.shape[1] - 1, -1, -1):
-        plane = planes[owner, k]
-        nearest = np.einsum("ij,ij->i", plane[:, :3], world.centre[member]) - np.einsum(
-            "ij,ij->i", np.abs(plane[:, :3]), world.half[member]
-        )
-        keep = np.flatnonzero(nearest <= plane[:, 3])
-        member, owner = member[keep], owner[keep]
-    return owner, member
+    order = np.argsort(room, kind="stable")
+    owners, members = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    for group in np.split(order, np.flatnonzero(np.diff(room[order])) + 1) if len(order) else []:
+        behind = world.by_room[slice(*world.room_start[room[group[0]] + np.arange(2)])]
+        extent = np.concatenate([world.centre[behind], world.half[behind]], axis=1).T
+        step = max(1, _BLOCK_BOXES // max(1, planes.shape[1] * len(behind)))
+        for rows in (group[i : i + step] for i in range(0, len(group), step)):
+            plane = planes[rows]
+            nearest = np.concatenate([plane[..., :3], -np.abs(plane[..., :3])], axis=2).reshape(-1, 6) @ extent
+            outside = nearest.reshape(*plane.shape[:2], -1) > plane[..., 3:]
+            owner, member = np.nonzero(~outside.any(axis=1))
+            owners.append(rows[owner])
+            members.append(behind[member])
+    return np.concatenate(owners), np.concatenate(members)
 
 
 def next_windows(world: PortalWorld, front: Windows, planes: np.ndarray) -> Windows:
     """What is left of the portals of the rooms behind ``front`` inside its ``planes``."""
     room = world.target[front.portal]
     portal, owner = ragged(world.portal_start[room], np.diff(world.portal_start)[room])
-    target = world.target[portal]
-    fresh = (target[:, None] != world.source[front.path[owner]]).all(axis=1)
+    fresh = (world.target[portal][:, None] != world.source[front.path[owner]]).all(axis=1)
     portal, owner = portal[fresh], owner[fresh]
-    corner = world.window[portal]
-    for k in range(planes.shape[1] - 1, -1, -1):
-        plane = planes[owner, k]
-        inward = plane[:, 3, None] - np.einsum("nvc,nc->nv", corner, plane[:, :3])
-        inward += (world.depth[portal] * np.abs(np.einsum("nc,nc->n", plane[:, :3], world.normal[portal])))[:, None]
-        keep = inward.max(axis=1) >= 0
-        if not keep.all():
-            portal, owner, corner, inward = portal[keep], owner[keep], corner[keep], inward[keep]
-        corner = clipped(corner, inward)
+    step = max(1, _BLOCK_BOXES // (planes.shape[1] * MAX_CORNERS))
+    parts = [_left(world, portal[i : i + step], planes[owner[i : i + step]]) for i in range(0, len(portal), step)]
+    kept = np.concatenate([np.zeros(0, np.int64), *(row + i * step for i, (row, _) in enumerate(parts))])
+    corner = np.concatenate([np.zeros((0, MAX_CORNERS, 3)), *(corner for _, corner in parts)])
+    corner = corner[:, : 1 + int((corner[:, 1:] != corner[:, :-1]).any(axis=(0, 2)).nonzero()[0].max(initial=1)) + 1]
+    portal, owner = portal[kept], owner[kept]
     path = np.concatenate([front.path[owner], portal[:, None]], axis=1)
     if world.framed:
         return Windows(front.source[owner], portal, frames(corner, world.normal[portal]), None, path, owner)
     return Windows(front.source[owner], portal, corner, front.corner[owner], path, owner)
+
+
+def _left(world: PortalWorld, portal: np.ndarray, planes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What ``planes`` (R, k, 4) leave of windows (R,): rows where that is something, and their corners (r, MAX_CORNERS, 3)."""
+    whole = world.window[portal]
+    thick = world.depth[portal, None] * np.abs(np.einsum("nkc,nc->nk", planes[..., :3], world.normal[portal]))
+    offset = planes[..., 3] + thick
+    inward = offset[..., None] - planes[..., :3] @ whole.transpose(0, 2, 1)
+    rows = np.flatnonzero((inward.max(axis=2) >= 0).all(axis=1))
+    cuts = (inward[rows] < 0).any(axis=2)
+    corner = whole[rows][:, np.minimum(np.arange(MAX_CORNERS), whole.shape[1] - 1)]
+    something = np.ones(len(rows), bool)
+    for k in range(planes.shape[1] - 1, -1, -1):
+        at = np.flatnonzero(cuts[:, k] & something)
+        inward = offset[rows[at], k, None] - np.einsum("nvc,nc->nv", corner[at], planes[rows[at], k, :3])
+        left = inward.max(axis=1) >= 0
+        something[at[~left]] = False
+        corner[at[left]] = clipped(corner[at[left]], inward[left])
+    return rows[something], corner[something]
 
 
 def _look(world: PortalWorld, low: int, seen: np.ndarray, room_names: Sequence[str], findings: list[str]) -> None:
@@ -176,9 +196,7 @@ def _look(world: PortalWorld, low: int, seen: np.ndarray, room_names: Sequence[s
         front, planes = supporting_planes(world, front)
         if not len(front):
             continue
-        owner, member = boxes_behind(world, front)
-        new = np.flatnonzero(~seen[front.source[owner] - low, member])  # of several ways to a room, the first tells most
-        owner, member = inside(world, planes, owner[new], member[new])
+        owner, member = seen_behind(world, front, planes)
         seen[front.source[owner] - low, member] = True
         following = next_windows(world, front, planes)
         if following.path.shape[1] > MAX_PORTALS and len(following):
