@@ -13,7 +13,7 @@ from .clustering import ClusterItems, Clusters
 from .polygons import clip_half
 from .portal_world import PortalWorld
 from .scene import Portals
-from .sight_planes import supporting_planes
+from .sight_planes import joined, supporting_planes
 from .visibility_graph import MAX_PORTALS, VisibilityGraph, first_windows, next_windows, seen_behind
 
 
@@ -108,8 +108,8 @@ def sight(
         all_planes.append(planes)
         first += len(front)
         front = following
-    corners = _joined([f.corner for f in fronts], 3)
-    planes = _joined(all_planes, 4)
+    corners = joined([f.corner for f in fronts], 3)
+    planes = joined(all_planes, 4)
     planes[..., 3] += planes[..., :3] @ world.middle
     portal = np.concatenate([f.portal for f in fronts]) if fronts else np.zeros(0, np.int64)
     low, high = np.full((room_count, 3), np.inf), np.full((room_count, 3), -np.inf)
@@ -127,14 +127,6 @@ def sight(
         room_low=low,
         room_high=high,
     )
-
-
-def _joined(parts: list[np.ndarray], width: int) -> np.ndarray:
-    """Arrays (n, k, width) one after another, each filled up to the longest k with its last entry."""
-    if not parts:
-        return np.zeros((0, 0, width))
-    longest = max(p.shape[1] for p in parts)
-    return np.concatenate([p[:, np.minimum(np.arange(longest), p.shape[1] - 1)] for p in parts])
 
 
 def _faces(planes: np.ndarray, centre: np.ndarray, size: float) -> list[np.ndarray]:

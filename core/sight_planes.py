@@ -142,7 +142,7 @@ def _box_edge_planes(world: PortalWorld, front: Windows) -> np.ndarray:
         rise = np.einsum("nkc,nc->nk", window, p)[:, None] - np.einsum("nkc,nc->nk", box, p)[:, :, None]
         run = np.einsum("nkc,nc->nk", window, q)[:, None] - np.einsum("nkc,nc->nk", box, q)[:, :, None]
         slope = rise / run
-        steepest, flattest = -_least(_least(-slope)), _least(_least(slope))
+        steepest, flattest = -least(least(-slope)), least(least(slope))
         for side, extreme, sign in ((0, steepest, 1.0), (1, flattest, -1.0)):
             a = sign * (p - extreme[:, None] * q) / np.sqrt(1.0 + extreme * extreme)[:, None]
             at = 2 * axis + side
@@ -190,7 +190,7 @@ def _cotangent(side: np.ndarray, depth: np.ndarray, edges: np.ndarray, slack: fl
     ratio = side / np.where(ahead, depth, 1.0)[:, None]
     partly = np.flatnonzero(~ahead.all(axis=1))
     ratio[partly] = np.where(ahead[partly, None], ratio[partly], np.inf)
-    result = np.clip(_least(ratio), -_FLAT, _FLAT)
+    result = np.clip(least(ratio), -_FLAT, _FLAT)
     touching = np.flatnonzero((np.abs(depth) <= slack).any(axis=1))
     touches = ((np.abs(side[touching]) <= slack) & (np.abs(depth[touching]) <= slack)[:, None]).any(axis=2)
     result[touching] = np.where(touches, -_FLAT, result[touching])
@@ -207,7 +207,7 @@ def _cotangent(side: np.ndarray, depth: np.ndarray, edges: np.ndarray, slack: fl
     return result
 
 
-def _least(values: np.ndarray) -> np.ndarray:
+def least(values: np.ndarray) -> np.ndarray:
     """``values.min(axis=-1)``: many times faster where the axis is short."""
     return functools.reduce(np.minimum, np.moveaxis(values, -1, 0))
 
@@ -243,3 +243,9 @@ def clipped(corner: np.ndarray, inward: np.ndarray) -> np.ndarray:
     packed = np.take_along_axis(packed, np.minimum(np.arange(size), count[:, None] - 1), axis=1)
     result = np.take_along_axis(slots, packed[..., None], axis=1)
     return np.where((count > size)[:, None, None], corner, result)
+
+
+def joined(parts: list[np.ndarray], width: int) -> np.ndarray:
+    """Arrays (n, k, width) one after another, each filled up to the longest k with its last entry."""
+    longest = max((p.shape[1] for p in parts), default=3)
+    return np.concatenate([np.zeros((0, longest, width)), *(p[:, np.minimum(np.arange(longest), p.shape[1] - 1)] for p in parts)])

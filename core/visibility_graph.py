@@ -26,13 +26,13 @@ from .clustering import ClusterItems, Clusters
 from .grouping import ragged, starts_of
 from .portal_world import MAX_CORNERS, PortalWorld, frames
 from .scene import Portals
-from .sight_planes import Windows, clipped, supporting_planes
+from .sight_planes import Windows, clipped, joined, least, supporting_planes
 
 MAX_PORTALS = 64
 """Longest chain of portals that is followed; where one goes on, all that is connected counts as visible."""
 _BLOCK = 1 << 13
 """Windows that are worked on at once."""
-_BLOCK_BOXES = 1 << 18
+_BLOCK_BOXES = 1 << 20
 """Boxes, or corners, times planes that are compared at once."""
 _BLOCK_BYTES = 1 << 23
 """Rows of the graph that are built at once, bytes."""
@@ -153,8 +153,7 @@ def next_windows(world: PortalWorld, front: Windows, planes: np.ndarray) -> Wind
     step = max(1, _BLOCK_BOXES // (planes.shape[1] * MAX_CORNERS))
     parts = [_left(world, portal[i : i + step], planes[owner[i : i + step]]) for i in range(0, len(portal), step)]
     kept = np.concatenate([np.zeros(0, np.int64), *(row + i * step for i, (row, _) in enumerate(parts))])
-    corner = np.concatenate([np.zeros((0, MAX_CORNERS, 3)), *(corner for _, corner in parts)])
-    corner = corner[:, : 1 + int((corner[:, 1:] != corner[:, :-1]).any(axis=(0, 2)).nonzero()[0].max(initial=1)) + 1]
+    corner = joined([corner for _, corner in parts], 3)
     portal, owner = portal[kept], owner[kept]
     path = np.concatenate([front.path[owner], portal[:, None]], axis=1)
     if world.framed:
@@ -163,14 +162,15 @@ def next_windows(world: PortalWorld, front: Windows, planes: np.ndarray) -> Wind
 
 
 def _left(world: PortalWorld, portal: np.ndarray, planes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What ``planes`` (R, k, 4) leave of windows (R,): rows where that is something, and their corners (r, MAX_CORNERS, 3)."""
+    """What ``planes`` (R, k, 4) leave of windows (R,): rows where that is something, and their corners (r, n, 3)."""
     whole = world.window[portal]
     thick = world.depth[portal, None] * np.abs(np.einsum("nkc,nc->nk", planes[..., :3], world.normal[portal]))
     offset = planes[..., 3] + thick
     inward = offset[..., None] - planes[..., :3] @ whole.transpose(0, 2, 1)
-    rows = np.flatnonzero((inward.max(axis=2) >= 0).all(axis=1))
-    cuts = (inward[rows] < 0).any(axis=2)
-    corner = whole[rows][:, np.minimum(np.arange(MAX_CORNERS), whole.shape[1] - 1)]
+    rows = np.flatnonzero((least(-inward) <= 0).all(axis=1))
+    cuts = least(inward[rows]) < 0
+    size = min(MAX_CORNERS, whole.shape[1] + int(cuts.sum(axis=1).max(initial=0)))
+    corner = whole[rows][:, np.minimum(np.arange(size), whole.shape[1] - 1)]
     something = np.ones(len(rows), bool)
     for k in range(planes.shape[1] - 1, -1, -1):
         at = np.flatnonzero(cuts[:, k] & something)
