@@ -163,7 +163,7 @@ def shelf(wood: Material, rng: np.random.Generator, most: int) -> tuple[Solid, i
     # A row is not always full to its end.
     kept = end < w - thick - 0.01 - rng.uniform(0, 0.35, (rows, 1)) * rng.integers(0, 2, (rows, 1))
     tall, deep = rng.uniform(0.5, 0.86, kept.shape) * (step - thick), rng.uniform(0.16, 0.24, kept.shape)
-    colour = BOOKS[rng.integers(len(BOOKS), size=kept.shape)] * rng.uniform(0.8, 1.2, (*kept.shape, 1))
+    colour = BOOKS[rng.integers(len(BOOKS), size=kept.shape)] * rng.choice((0.7, 1.0, 1.2), (*kept.shape, 1))
     row, column = (index[:most] for index in np.nonzero(kept))
     x1, x0, z = end[row, column], (end - wide)[row, column], height[row]
     front = np.full(len(row), -d + 0.03)
