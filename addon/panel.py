@@ -129,7 +129,7 @@ class ENFILADE_PT_solver(_SubPanel, bpy.types.Panel):
             ("order", "min_element_size", "max_iterations"),
             ("average", "large_polygon", "distance", "reflectance_weight", "emission_weight", "orientation_weight"),
             ("seeding", "huge_room", "hierarchy_children"),
-            ("emitters", "ordering"),
+            ("emitters", "volumes", "ordering"),
             ("memory", "store", "threads", "seed"),
         ):
             for name in group:

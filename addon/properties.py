@@ -17,6 +17,7 @@ _LABELS = {
     "order": "Basis Order",
     "average": "Cluster Size",
     "emitters": "Shoot From",
+    "volumes": "Seen Through",
     "min_element_size": "Element Size",
     "max_resolution": "Resolution",
     "name": "Bake Name",

@@ -10,6 +10,7 @@ import dataclasses
 from dataclasses import dataclass, field
 from typing import Any
 
+VOLUMES = ("windows", "boxes")
 ORDERINGS = ("random", "max_energy")
 DISTANCES = (
     "barycenter",
@@ -83,7 +84,10 @@ class Options:
     large_polygon: float = _option(
         1.0, "float", "A polygon whose smaller edge is longer than this is a cluster of its own", unit="m", minimum=0.0, maximum=1e6
     )
-    emitters: str = _choice("clusters", ("clusters", "cells"), "Unit of shooting: a cluster, or a cell (a whole room)")
+    emitters: str = _choice("clusters", ("clusters", "cells"), "Unit of shooting and of visibility: a cluster, or a cell (a whole room)")
+    volumes: str = _choice(
+        "windows", VOLUMES, "What bounds the space seen through portals: their outlines, or as in the paper the boxes around them"
+    )
     ordering: str = _choice("max_energy", ORDERINGS, "How the next emitter is chosen")
     min_element_size: float = _option(
         0.0,

@@ -91,12 +91,13 @@ def _build(scene: Scene, options: Options, rng: np.random.Generator, clock: _Clo
     clock.lap("merge")
 
     yield Progress("cluster", 0.02, f"Clustering {len(surfaces)} surfaces")
-    clusters = clustering.cluster_as_chosen(items_of(surfaces), scene.room_count, options, rng)
+    items = items_of(surfaces)
+    clusters = clustering.cluster_as_chosen(items, scene.room_count, options, rng)
     store.keep("clusters", clusters)
     clock.lap("cluster")
 
     yield Progress("graph", 0.04, f"Visibility of {len(clusters)} clusters")
-    graph, findings = visibility_graph.build(clusters, scene.portals, scene.room_names)
+    graph, findings = visibility_graph.build_as_chosen(clusters, items, scene.portals, scene.room_names, options)
     store.keep("graph", graph)
     clock.lap("graph")
     return Building(surfaces, blockers, clusters, graph, doors_of(scene.portals, surfaces.centre), scene.room_count), findings

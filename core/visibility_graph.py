@@ -22,8 +22,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .clustering import ClusterItems, Clusters
+from .clustering import ClusterItems, Clusters, cells
 from .grouping import ragged, starts_of
+from .options import Options
 from .portal_world import MAX_CORNERS, PortalWorld, frames
 from .scene import Portals
 from .sight_planes import Windows, clipped, joined, least, supporting_planes
@@ -101,17 +102,25 @@ def build(
     return VisibilityGraph(bits, weights(bits, clusters.polygons)), tuple(findings)
 
 
-def spread(graph: VisibilityGraph, cells: Clusters, clusters: Clusters) -> VisibilityGraph:
-    """The graph of cells (whole rooms) as one of clusters: each sees all of every room that its own room sees.
+def build_as_chosen(
+    clusters: Clusters, items: ClusterItems, portals: Portals, room_names: Sequence[str], options: Options
+) -> tuple[VisibilityGraph, tuple[str, ...]]:
+    """:func:`build` with the choices of a user: where cells (whole rooms) emit, they are what sees and is seen."""
+    if options.emitters != "cells":
+        return build(clusters, portals, room_names, options.volumes, items)
+    rooms = cells(items, len(room_names))
+    graph, findings = build(rooms, portals, room_names, options.volumes, items)
+    return _spread(graph, rooms, clusters), findings
 
-    cells : what ``graph`` is of, one per room that has items;  clusters : of the same items
-    """
+
+def _spread(graph: VisibilityGraph, rooms: Clusters, clusters: Clusters) -> VisibilityGraph:
+    """The graph of cells as one of clusters of the same items: each sees all of every room that its own room sees."""
     cell = np.zeros(1 + clusters.room.max(initial=0), np.int64)
-    cell[cells.room] = np.arange(len(cells))
+    cell[rooms.room] = np.arange(len(rooms))
     column = cell[clusters.room]
-    by_cell = np.empty((len(cells), (len(clusters) + 7) // 8), np.uint8)
-    for k in range(len(cells)):
-        by_cell[k] = np.packbits(np.unpackbits(graph.bits[k], count=len(cells))[column])
+    by_cell = np.empty((len(rooms), (len(clusters) + 7) // 8), np.uint8)
+    for k in range(len(rooms)):
+        by_cell[k] = np.packbits(np.unpackbits(graph.bits[k], count=len(rooms))[column])
     return VisibilityGraph(by_cell[column], graph.pvs_polygons[column])
 
 
