@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-from . import command_line, operators, panel, properties, viewport
+from . import command_line, operators, overlay, overlay_operators, overlay_panel, panel, properties, viewport
 
-MODULES = (properties, viewport, operators, panel, command_line)
+MODULES = (properties, viewport, operators, overlay, overlay_operators, panel, overlay_panel, command_line)
 """In the order of their registration: panels draw what the properties hold."""
 
 

@@ -122,7 +122,7 @@ class ENFILADE_OT_bake(bpy.types.Operator):
         _redraw(context)
 
     def _refuse(self, error: BaseException) -> set[str]:
-        self.report({"ERROR"}, _sentence(error))
+        self.report({"ERROR"}, sentence(error))
         return {"CANCELLED"}
 
     def _write(self, context: bpy.types.Context, reading: job.Reading, baked: job.Baked) -> None:
@@ -217,7 +217,8 @@ def _redraw(context: bpy.types.Context) -> None:
                     region.tag_redraw()
 
 
-def _sentence(error: BaseException) -> str:
+def sentence(error: BaseException) -> str:
+    """What was refused, for people."""
     if isinstance(error, MemoryError):
         return "There is not enough memory for this bake: take a lower quality or a smaller part of the building"
     return _capital(str(error))

@@ -169,7 +169,7 @@ def test_nothing_is_left_after_unregister(shop):
         return found + [f"ops.{n}" for n in dir(bpy.ops.enfilade)]
 
     before = ours()
-    assert len(before) == 20
+    assert len(before) == 32
     from enfilade.addon import command_line
 
     assert command_line._handle is not None

@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Draws over the 3D viewports and takes it away again; nothing in the file is touched."""
+
+from __future__ import annotations
+
+import blf
+import bpy
+import gpu
+from gpu_extras.batch import batch_for_shader
+from mathutils import Matrix
+
+from .overlay_layers import Content, Layer
+
+TOWARDS_EYE = 5e-4
+"""Part of its distance by which a drawing comes closer than the surface that it lies on."""
+
+_content: Content | None = None
+_handles: list = []
+_batches: dict[int, tuple] = {}
+
+
+def content() -> Content | None:
+    """What is drawn now."""
+    return _content
+
+
+def show(new: Content) -> None:
+    """Draw this in all viewports, in the place of what was drawn before."""
+    global _content
+    hide()
+    _content = new
+    if not bpy.app.background:
+        space = bpy.types.SpaceView3D
+        _handles.append(space.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW"))
+        _handles.append(space.draw_handler_add(_draw_legend, (), "WINDOW", "POST_PIXEL"))
+    redraw()
+
+
+def hide() -> None:
+    """Draw nothing."""
+    global _content
+    _content = None
+    _batches.clear()
+    while _handles:
+        bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
+    redraw()
+
+
+def redraw() -> None:
+    """Have the viewports drawn again."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
+def _draw() -> None:
+    context = bpy.context
+    if _content is None or context.space_data is None or not context.space_data.overlay.show_overlays:
+        return
+    settings, region, eye = context.window_manager.enfilade_overlay, context.region, context.region_data
+    if settings.in_front:
+        gpu.state.active_framebuffer_get().clear(depth=1.0)
+    ahead = Matrix.Translation((0.0, 0.0, TOWARDS_EYE * eye.view_distance))
+    nearer = Matrix.Scale(1.0 - TOWARDS_EYE, 4) if eye.is_perspective else ahead
+    gpu.state.blend_set("ALPHA")
+    try:
+        with gpu.matrix.push_pop():
+            gpu.matrix.load_matrix(nearer @ eye.view_matrix)
+            for layer in _content.layers:
+                if getattr(settings, layer.part) and len(layer.position):
+                    _draw_layer(layer, region)
+    finally:
+        gpu.state.depth_test_set("NONE")
+        gpu.state.depth_mask_set(False)
+        gpu.state.face_culling_set("NONE")
+        gpu.state.blend_set("NONE")
+
+
+def _draw_layer(layer: Layer, region: bpy.types.Region) -> None:
+    shader, batch = _batch(layer)
+    solid = layer.part == "surfaces" and not layer.lines
+    gpu.state.depth_test_set("LESS_EQUAL")
+    gpu.state.depth_mask_set(solid)
+    # Seen from outside a room, its walls would hide what is in it.
+    gpu.state.face_culling_set("BACK" if solid else "NONE")
+    shader.bind()
+    if layer.lines:
+        shader.uniform_float("viewportSize", (region.width, region.height))
+        shader.uniform_float("lineWidth", layer.width * bpy.context.preferences.system.ui_scale)
+    batch.draw(shader)
+
+
+def _batch(layer: Layer) -> tuple:
+    if id(layer) not in _batches:
+        shader = gpu.shader.from_builtin("POLYLINE_FLAT_COLOR" if layer.lines else "FLAT_COLOR")
+        data = {"pos": layer.position, "color": layer.color}
+        _batches[id(layer)] = (shader, batch_for_shader(shader, "LINES" if layer.lines else "TRIS", data))
+    return _batches[id(layer)]
+
+
+def _draw_legend() -> None:
+    context = bpy.context
+    if _content is None or context.space_data is None or not context.space_data.overlay.show_overlays:
+        return
+    scale = context.preferences.system.ui_scale
+    x = 16 * scale + sum(r.width for r in context.area.regions if r.type == "TOOLS")
+    y, step = 18 * scale, 20 * scale
+    blf.size(0, 12 * scale)
+    blf.enable(0, blf.SHADOW)
+    blf.shadow(0, 5, 0.0, 0.0, 0.0, 0.8)
+    for color, text in reversed(_content.legend):
+        _swatch(x, y - 2 * scale, 13 * scale, color)
+        _write(x + 22 * scale, y, text)
+        y += step
+    _write(x, y + 2 * scale, _content.title)
+    blf.disable(0, blf.SHADOW)
+
+
+def _write(x: float, y: float, text: str) -> None:
+    blf.color(0, 1.0, 1.0, 1.0, 1.0)
+    blf.position(0, x, y, 0.0)
+    blf.draw(0, text)
+
+
+def _swatch(x: float, y: float, size: float, color: tuple[float, float, float]) -> None:
+    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
+    corners = [(x, y), (x + size, y), (x + size, y + size), (x, y), (x + size, y + size), (x, y + size)]
+    shader.bind()
+    shader.uniform_float("color", (*color, 1.0))
+    batch_for_shader(shader, "TRIS", {"pos": [(a, b, 0.0) for a, b in corners]}).draw(shader)
+
+
+@bpy.app.handlers.persistent
+def _before_load(*_) -> None:
+    """The drawing of one file means nothing in another."""
+    hide()
+
+
+def register() -> None:
+    bpy.app.handlers.load_pre.append(_before_load)
+
+
+def unregister() -> None:
+    hide()
+    bpy.app.handlers.load_pre.remove(_before_load)

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The part of the sidebar that shows clusters and visibility."""
+
+from __future__ import annotations
+
+import bpy
+
+from . import overlay
+
+
+class ENFILADE_PT_overlay(bpy.types.Panel):
+    """What the solver works with, drawn over the viewports."""
+
+    bl_label = "Clusters and Visibility"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Enfilade"
+    bl_parent_id = "ENFILADE_PT_sidebar"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        column = layout.column(align=True)
+        column.operator("enfilade.show_clusters", icon="OUTLINER_OB_POINTCLOUD")
+        row = column.row(align=True)
+        row.operator("enfilade.pick_visible", icon="EYEDROPPER", text="Pick Cluster")
+        row.operator("enfilade.show_visible", icon="OBJECT_DATA", text="Of Active")
+        column.operator("enfilade.find_leaks", icon="ERROR")
+        layout.operator("enfilade.hide_overlay", icon="HIDE_ON")
+        if overlay.content() is None:
+            return
+        settings = context.window_manager.enfilade_overlay
+        parts = {layer.part for layer in overlay.content().layers}
+        column = layout.column(heading="Show", align=True)
+        column.use_property_split = True
+        column.use_property_decorate = False
+        for name in ("surfaces", "boxes", "windows", "volumes"):
+            if name in parts:
+                column.prop(settings, name)
+        column.prop(settings, "in_front")
+
+
+def register() -> None:
+    bpy.utils.register_class(ENFILADE_PT_overlay)
+
+
+def unregister() -> None:
+    bpy.utils.unregister_class(ENFILADE_PT_overlay)

@@ -1,0 +1,201 @@
+"""Clusters, visible sets and leaks over the viewports: what would be drawn, and that nothing else is touched."""
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def rooms(shop):
+    from enfilade.addon import overlay
+
+    yield shop.two_rooms()
+    overlay.hide()
+
+
+def content():
+    from enfilade.addon import overlay
+
+    return overlay.content()
+
+
+def layers(part):
+    return [layer for layer in content().layers if layer.part == part]
+
+
+def inspected(shop):
+    from enfilade.addon.inspection import inspect
+
+    shop.bpy.context.view_layer.update()
+    return inspect(shop.bpy.context)
+
+
+def test_clusters_are_those_of_the_solver(shop, rooms, tmp_path):
+    from enfilade.core.clustering import Clusters
+    from enfilade.core.options import Options
+    from enfilade.core.pipeline import solve
+    from enfilade.core.stage_files import load_stage
+    from enfilade.core.visibility_graph import VisibilityGraph
+
+    shop.bpy.context.scene.enfilade.solve.average = 3
+    shop.bpy.context.scene.enfilade.solve.large_polygon = 100.0
+    found = inspected(shop)
+    solve(found.scene, Options(quality="draft", average=3, large_polygon=100.0, store=str(tmp_path)))
+    clusters = load_stage(Clusters, tmp_path / "clusters.npz")
+    assert np.array_equal(found.clusters.cluster_of, clusters.cluster_of)
+    assert np.array_equal(found.graph.bits, load_stage(VisibilityGraph, tmp_path / "graph.npz").bits)
+    # Polygons of one region are in the cluster of that region: none is left over or in two.
+    assert np.array_equal(np.bincount(found.cluster_of, minlength=len(clusters)), clusters.polygons)
+
+
+def test_clusters_are_drawn_on_their_faces_with_their_boxes(shop, rooms):
+    settings = shop.bpy.context.scene.enfilade.solve
+    settings.average, settings.large_polygon = 3, 100.0
+    assert shop.bpy.ops.enfilade.show_clusters() == {"FINISHED"}
+    found = inspected(shop)
+    (surfaces,), (boxes,) = layers("surfaces"), layers("boxes")
+    assert np.allclose(surfaces.position.reshape(-1, 3, 3), found.triangle)
+    # Faces of one cluster have one hue, those of different clusters have not.
+    cluster = found.cluster_of[found.polygon]
+    chroma = surfaces.color[::3, :3] / surfaces.color[::3, :3].max(axis=1)[:, None]
+    for c in range(len(found.clusters)):
+        assert np.ptp(chroma[cluster == c], axis=0).max() < 1e-5
+    firsts = chroma[[np.argmax(cluster == c) for c in range(len(found.clusters))]]
+    assert len(np.unique(np.round(firsts, 4), axis=0)) == len(found.clusters)
+    gathered = np.diff(found.clusters.start) > 1
+    assert gathered.any()
+    corners = boxes.position.reshape(gathered.sum(), 24, 3)
+    assert np.allclose(corners.min(axis=1), found.clusters.box_min[gathered], atol=1e-6)
+    assert np.allclose(corners.max(axis=1), found.clusters.box_max[gathered], atol=1e-6)
+    assert content().title.startswith(f"{len(found.clusters)} clusters of 21 polygons in 2 rooms")
+
+
+def test_visible_sets_are_coloured_by_portals(shop, rooms):
+    from enfilade.addon.overlay_layers import CROSSED, PICKED
+
+    bpy = shop.bpy
+    bpy.context.view_layer.objects.active = rooms["Lamp"]
+    assert bpy.ops.enfilade.show_visible() == {"FINISHED"}
+    found = inspected(shop)
+    (surfaces,), (windows,) = layers("surfaces")[:1], layers("windows")
+    middles = surfaces.position.reshape(-1, 3, 3).mean(axis=1)
+    chroma = surfaces.color[::3, :3] / surfaces.color[::3, :3].max(axis=1)[:, None]
+
+    def of(color, where):
+        return np.abs(chroma[where] - np.array(color) / max(color)).max() < 1e-5
+
+    lamp = np.abs(middles[:, 2] - 2.4) < 1e-3
+    assert of(PICKED, lamp)
+    assert of(CROSSED[0], (middles[:, 0] < 4.1) & ~lamp)
+    assert of(CROSSED[1], middles[:, 0] > 4.1)
+    # The lamp is at the height of 2.4 m over the door of 2 m: the ceiling next door is out of sight.
+    beyond = middles[middles[:, 0] > 4.3]
+    assert len(beyond)
+    assert (beyond[:, 2] < 2.4).all()
+    assert np.allclose(windows.position.min(axis=0), [4.1, 1, 0])
+    assert np.allclose(windows.position.max(axis=0), [4.1, 2, 2])
+    for volume in layers("volumes"):
+        assert volume.position[:, 0].min() > 4.2 - 1e-5
+        assert volume.position[:, 0].max() < 7.2 + 1e-5
+    held = [row for row in content().legend if "portal" in row[1]]
+    polygons = found.clusters.polygons[(np.arange(len(found.clusters)) > -1) & (found.clusters.room == 1)]
+    assert len(held) == 1
+    assert int(held[0][1].split(", ")[1].split()[0]) < polygons.sum()
+
+
+def test_a_face_of_the_active_object_can_be_named(shop, rooms):
+    bpy = shop.bpy
+    bpy.context.view_layer.objects.active = rooms["West"]
+    for face, height in ((3, 0.0), (4, 2.5)):
+        bpy.ops.enfilade.show_visible(face=face)
+        assert np.allclose(layers("surfaces")[-1].position[:, 2], height)
+    with pytest.raises(RuntimeError, match="has no face 77"):
+        bpy.ops.enfilade.show_visible(face=77)
+
+
+def test_rays_pick_the_nearest_face_that_is_shown(shop, rooms):
+    from enfilade.addon.inspection import cluster_under
+
+    found = inspected(shop)
+    names = np.array(found.scene.object_names)[found.scene.object]
+    lamp = set(found.cluster_of[names == "Lamp"])
+    up = np.array([1.5, 1.5, 1.0]), np.array([0.0, 0.0, 1.0])
+    assert cluster_under(found, *up, True) in lamp
+    down = np.array([1.5, 1.5, 9.0]), np.array([0.0, 0.0, -1.0])
+    through = cluster_under(found, *down, True)
+    assert found.clusters.box_max[through][2] == 0
+    assert cluster_under(found, *down, False) != through
+    assert cluster_under(found, np.array([50.0, 0, 0]), np.array([1.0, 0, 0]), False) == -1
+    rooms["Lamp"].hide_set(True)
+    hidden = inspected(shop)
+    assert cluster_under(hidden, *up, True) not in set(hidden.cluster_of[names == "Lamp"])
+
+
+def test_a_closed_building_has_no_leaks_and_a_hole_is_shown(shop, rooms):
+    bpy = shop.bpy
+    assert bpy.ops.enfilade.find_leaks() == {"FINISHED"}
+    assert content().layers == ()
+    assert content().title.startswith("No room leaks")
+    # Without the portal all that passes the door passes a hole.
+    bpy.data.objects.remove(rooms["Door"])
+    bpy.context.view_layer.update()
+    assert bpy.ops.enfilade.find_leaks() == {"FINISHED"}
+    line = layers("leaks")[0].position
+    assert len(line) >= 2
+    low, high = sorted(line[:2].tolist())
+    assert low[0] < 4.0 + 1e-4
+    assert high[0] > 4.2 - 1e-4
+    share = (4.1 - low[0]) / (high[0] - low[0])
+    at_the_door = np.array(low) + share * (np.array(high) - low)
+    assert (at_the_door[1:] > [0.99, -0.01]).all()
+    assert (at_the_door[1:] < [2.01, 2.01]).all()
+    assert {"West", "East"} <= set(content().legend[0][1].replace(":", "").split())
+
+
+def test_lengths_are_in_the_units_of_the_scene(shop, rooms):
+    shop.bpy.context.scene.unit_settings.scale_length = 0.01
+    shop.bpy.context.scene.enfilade.solve.large_polygon = 1e4
+    shop.bpy.ops.enfilade.show_clusters()
+    assert np.allclose(layers("surfaces")[0].position.max(axis=0), [7.2, 3, 2.5])
+    assert np.allclose(layers("boxes")[0].position.max(axis=0), [7.2, 3, 2.5])
+
+
+def test_the_file_is_as_before(shop, rooms):
+    bpy = shop.bpy
+    bpy.context.view_layer.objects.active = rooms["Lamp"]
+    before = shop.state()
+    for operator in ("show_clusters", "show_visible", "find_leaks", "hide_overlay"):
+        getattr(bpy.ops.enfilade, operator)()
+        assert shop.state() == before
+    assert content() is None
+    with pytest.raises(RuntimeError, match="Nothing is drawn"):
+        bpy.ops.enfilade.hide_overlay()
+
+
+def test_drawings_go_with_their_file_and_with_the_add_on(shop, rooms):
+    import enfilade
+
+    shop.bpy.ops.enfilade.show_clusters()
+    shop.bpy.ops.wm.read_factory_settings(use_empty=True)
+    assert content() is None
+    shop.two_rooms()
+    shop.bpy.ops.enfilade.show_clusters()
+    enfilade.unregister()
+    try:
+        assert content() is None
+    finally:
+        enfilade.register()
+
+
+def test_what_cannot_be_shown_is_said(shop):
+    bpy = shop.bpy
+    with pytest.raises(RuntimeError, match="no mesh that is visible in renders"):
+        bpy.ops.enfilade.show_clusters()
+    with pytest.raises(RuntimeError, match="no mesh that is visible in renders"):
+        bpy.ops.enfilade.find_leaks()
+    with pytest.raises(RuntimeError, match="active object first"):
+        bpy.ops.enfilade.show_visible()
+    assert content() is None
+    made = shop.two_rooms()
+    bpy.context.view_layer.objects.active = made["Door"]
+    with pytest.raises(RuntimeError, match="'Door' is in no room"):
+        bpy.ops.enfilade.show_visible()
