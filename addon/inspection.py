@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ..core.building import items_of
-from ..core.clustering import ClusterItems, Clusters, cluster_as_chosen
+from ..core.clustering import ClusterItems, Clusters, cluster_as_chosen, hierarchy_of
 from ..core.footprints import uncover
 from ..core.leaks import Leak, find_leaks
 from ..core.occlusion import blockers_of
@@ -79,6 +79,33 @@ def sight_of(found: Inspection, cluster: int) -> Sight:
     """All that a cluster may see, window by window."""
     scene = found.scene
     return sight(found.clusters, scene.portals, scene.room_count, cluster, found.graph, found.options.volumes, found.items)
+
+
+@dataclass(frozen=True)
+class Groups:
+    """The clusters gathered as at one level of their hierarchy, G groups.
+
+    level : 1 for the parts of a room, 2 for the parts of these, ..;  of_cluster : (C,) int64, group of every cluster
+    low, high : (G, 3) float64, metres, bounding boxes
+    """
+
+    level: int
+    of_cluster: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+def groups_of(found: Inspection, level: int) -> Groups:
+    """What the clusters are gathered into at a level; where the hierarchy is less deep, the clusters themselves."""
+    options = found.options
+    tree = hierarchy_of(found.items, found.clusters, children=(options.hierarchy_children,), rng=np.random.default_rng(options.seed))
+    leaf = np.flatnonzero(tree.cluster >= 0)
+    node = np.empty(len(found.clusters), np.int64)
+    node[tree.cluster[leaf]] = leaf
+    while (deep := tree.level[node] > level).any():
+        node[deep] = tree.parent[node[deep]]
+    used, of_cluster = np.unique(node, return_inverse=True)
+    return Groups(level, of_cluster.reshape(-1), tree.box_min[used], tree.box_max[used])
 
 
 @dataclass(frozen=True)

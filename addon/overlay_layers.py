@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.sight import Sight
-from .inspection import Inspection, Leaks
+from .inspection import Groups, Inspection, Leaks
 
 PICKED = (0.90, 0.14, 0.12)
 CROSSED = ((0.98, 0.78, 0.20), (0.45, 0.75, 0.28), (0.10, 0.62, 0.58), (0.16, 0.42, 0.76), (0.35, 0.26, 0.66), (0.42, 0.14, 0.42))
 """Colours of what is seen through 0, 1, 2, .. portals; the last one holds for all further numbers. Display colours, no linear light."""
-WINDOW, LEAK = (1.0, 0.55, 0.1), (1.0, 0.1, 0.45)
+WINDOW, LEAK = (1.0, 1.0, 1.0), (1.0, 0.1, 0.45)
 MOST_NAMED = 8
 """Leaks that the legend lists."""
 _BOX_EDGES = np.array([[a, b] for a in range(8) for b in range(a + 1, 8) if (a ^ b) in (1, 2, 4)])
@@ -48,14 +48,29 @@ class Content:
 def clusters_content(found: Inspection) -> Content:
     """Every cluster in a colour of its own, with its box; clusters of one large surface are paler and have no box."""
     clusters = found.clusters
-    size = np.diff(clusters.start)
-    colors = _cluster_colors(len(clusters), size > 1)
-    gathered = np.flatnonzero(size > 1)
-    drawn = found.cluster_of[found.polygon]
-    boxes = _boxes(found, gathered, _dark(colors[gathered]), 1.5)
+    gathered = np.diff(clusters.start) > 1
     title = f"{len(clusters)} clusters of {found.scene.polygon_count} polygons in {found.scene.room_count} rooms"
-    note = f"{len(gathered)} of them of several surfaces, {len(clusters) - len(gathered)} of one"
-    return Content(title, (_surfaces(found, drawn >= 0, colors[drawn]), boxes), (((0.6, 0.6, 0.6), note),))
+    note = f"{gathered.sum()} of several surfaces, in colours and boxes; {(~gathered).sum()} of one surface, pale"
+    return _groups_content(found, np.arange(len(clusters)), gathered, clusters.box_min, clusters.box_max, title, note)
+
+
+def groups_content(found: Inspection, groups: Groups) -> Content:
+    """The nodes of one level of the hierarchy of clusters, each in a colour of its own, with their boxes."""
+    many = np.bincount(groups.of_cluster, minlength=len(groups.low)) > 1
+    title = f"{len(many)} groups of {len(found.clusters)} clusters in {found.scene.room_count} rooms: level {groups.level} of the hierarchy"
+    note = f"{many.sum()} of several clusters, in colours and boxes; {(~many).sum()} of one cluster, pale"
+    return _groups_content(found, groups.of_cluster, many, groups.low, groups.high, title, note)
+
+
+def _groups_content(
+    found: Inspection, of_cluster: np.ndarray, strong: np.ndarray, low: np.ndarray, high: np.ndarray, title: str, note: str
+):
+    """Groups of clusters: ``of_cluster`` (C,) their numbers; ``strong``, ``low`` and ``high`` one row for each group."""
+    colors = _distinct_colors(len(strong), strong)
+    cluster = found.cluster_of[found.polygon]
+    surfaces = _surfaces(found, cluster >= 0, colors[of_cluster[cluster]])
+    boxes = _boxes(found, low[strong], high[strong], _dark(colors[strong]), 1.5)
+    return Content(title, (surfaces, boxes), (((0.6, 0.6, 0.6), note),))
 
 
 def sight_content(found: Inspection, seen: Sight) -> Content:
@@ -65,12 +80,13 @@ def sight_content(found: Inspection, seen: Sight) -> Content:
     colors = np.array([*CROSSED, PICKED])[np.where(np.arange(len(clusters)) == seen.cluster, len(CROSSED), level)]
     drawn = found.cluster_of[found.polygon]
     visible = np.flatnonzero(seen.crossed >= 0)
-    picked = np.array([seen.cluster])
+    boxed = np.flatnonzero((seen.crossed >= 0) & (np.diff(clusters.start) > 1) & (np.arange(len(clusters)) != seen.cluster))
+    low, high = clusters.box_min, clusters.box_max
     layers = [
         _surfaces(found, (drawn >= 0) & (seen.crossed[drawn] >= 0), colors[drawn]),
-        _boxes(found, visible[visible != seen.cluster], _dark(colors[visible[visible != seen.cluster]]), 1.0),
+        _boxes(found, low[boxed], high[boxed], _dark(colors[boxed]), 1.0),
         *_windows(found, seen),
-        _boxes(found, picked, np.array([PICKED]), 3.0, "surfaces"),
+        _boxes(found, low[[seen.cluster]], high[[seen.cluster]], np.array([PICKED]), 3.0, "surfaces"),
     ]
     polygons = np.bincount(np.maximum(seen.crossed, 0)[visible], clusters.polygons[visible]).astype(int)
     counts = np.bincount(seen.crossed[visible])
@@ -135,20 +151,19 @@ def _surfaces(found: Inspection, chosen: np.ndarray, color: np.ndarray) -> Layer
     corners = found.triangle[chosen]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-    shade = 0.72 + 0.28 * (0.5 + 0.5 * normal @ _SUN)
+    shade = 0.6 + 0.4 * (0.5 + 0.5 * normal @ _SUN)
     return Layer("surfaces", False, _units(found, corners.reshape(-1, 3)), np.repeat(_rgba(color[chosen] * shade[:, None], 1.0), 3, axis=0))
 
 
-def _boxes(found: Inspection, cluster: np.ndarray, color: np.ndarray, width: float, part: str = "boxes") -> Layer:
-    """The edges of the boxes of clusters (n,) in ``color`` (n, 3)."""
+def _boxes(found: Inspection, low: np.ndarray, high: np.ndarray, color: np.ndarray, width: float, part: str = "boxes") -> Layer:
+    """The edges of boxes ``low`` .. ``high`` (n, 3), metres, in ``color`` (n, 3)."""
     bits = np.arange(8)[:, None] >> np.arange(3) & 1
-    low, high = found.clusters.box_min[cluster][:, None], found.clusters.box_max[cluster][:, None]
-    corner = np.where(bits, high, low)[:, _BOX_EDGES].reshape(-1, 3)
+    corner = np.where(bits, high[:, None], low[:, None])[:, _BOX_EDGES].reshape(-1, 3)
     return Layer(part, True, _units(found, corner), np.repeat(_rgba(color, 1.0), 24, axis=0), width)
 
 
-def _cluster_colors(count: int, strong: np.ndarray) -> np.ndarray:
-    """(count, 3) colours whose hues are far apart for clusters that follow each other; pale ones where not ``strong``."""
+def _distinct_colors(count: int, strong: np.ndarray) -> np.ndarray:
+    """(count, 3) colours whose hues are far apart for groups that follow each other; pale ones where not ``strong``."""
     hue = np.arange(count) * 0.61803398875 % 1.0
     value = 0.95 - 0.2 * (np.arange(count) % 3 == 1)
     return np.array([colorsys.hsv_to_rgb(h, 0.68 if s else 0.1, v) for h, v, s in zip(hue, value, strong, strict=True)]).reshape(-1, 3)

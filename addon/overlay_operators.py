@@ -8,9 +8,9 @@ import numpy as np
 from bpy_extras import view3d_utils
 
 from . import overlay
-from .inspection import Inspection, cluster_of_object, cluster_under, inspect, leaks_of, sight_of
+from .inspection import Inspection, cluster_of_object, cluster_under, groups_of, inspect, leaks_of, sight_of
 from .operators import REFUSALS, sentence
-from .overlay_layers import MOST_NAMED, clusters_content, leaks_content, sight_content
+from .overlay_layers import MOST_NAMED, clusters_content, groups_content, leaks_content, sight_content
 
 
 def _changed(_settings: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
@@ -29,6 +29,9 @@ class ENFILADE_PG_overlay(bpy.types.PropertyGroup):
         name="Volumes", description="Draw the space that is seen behind each portal", default=False, update=_changed
     )
     leaks: bpy.props.BoolProperty(name="Leaks", description="Draw the lines along which rooms leak", default=True, update=_changed)
+    level: bpy.props.IntProperty(
+        name="Level", description="Level of the hierarchy that Show Clusters shows; 0: the clusters themselves", default=0, min=0, max=64
+    )
     in_front: bpy.props.BoolProperty(
         name="In Front", description="Draw over the walls and ceilings that are in the way", default=True, update=_changed
     )
@@ -61,11 +64,19 @@ class ENFILADE_OT_show_clusters(_Shows, bpy.types.Operator):
     bl_idname = "enfilade.show_clusters"
     bl_label = "Show Clusters"
 
+    level: bpy.props.IntProperty(
+        name="Level",
+        description="0: the clusters; 1: what the rooms are divided into by the hierarchy of clusters; 2: what that is divided into; ..",
+        default=0,
+        min=0,
+        max=64,
+    )
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         found = self.read(context)
         if found is None:
             return {"CANCELLED"}
-        overlay.show(clusters_content(found))
+        overlay.show(groups_content(found, groups_of(found, self.level)) if self.level else clusters_content(found))
         self.report({"INFO"}, overlay.content().title)
         return {"FINISHED"}
 

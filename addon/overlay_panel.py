@@ -21,7 +21,10 @@ class ENFILADE_PT_overlay(bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         column = layout.column(align=True)
-        column.operator("enfilade.show_clusters", icon="OUTLINER_OB_POINTCLOUD")
+        settings = context.window_manager.enfilade_overlay
+        row = column.row(align=True)
+        row.operator("enfilade.show_clusters", icon="OUTLINER_OB_POINTCLOUD").level = settings.level
+        row.prop(settings, "level")
         row = column.row(align=True)
         row.operator("enfilade.pick_visible", icon="EYEDROPPER", text="Pick Cluster")
         row.operator("enfilade.show_visible", icon="OBJECT_DATA", text="Of Active")
@@ -29,7 +32,6 @@ class ENFILADE_PT_overlay(bpy.types.Panel):
         layout.operator("enfilade.hide_overlay", icon="HIDE_ON")
         if overlay.content() is None:
             return
-        settings = context.window_manager.enfilade_overlay
         parts = {layer.part for layer in overlay.content().layers}
         column = layout.column(heading="Show", align=True)
         column.use_property_split = True

@@ -69,6 +69,29 @@ def test_clusters_are_drawn_on_their_faces_with_their_boxes(shop, rooms):
     assert content().title.startswith(f"{len(found.clusters)} clusters of 21 polygons in 2 rooms")
 
 
+def test_levels_of_the_hierarchy_nest(shop, rooms):
+    from enfilade.addon.inspection import groups_of
+
+    settings = shop.bpy.context.scene.enfilade.solve
+    settings.average, settings.large_polygon, settings.hierarchy_children = 1, 100.0, 2
+    found = inspected(shop)
+    finer = np.arange(len(found.clusters))
+    for level in (9, 2, 1):
+        groups = groups_of(found, level)
+        pairs = np.unique(np.stack([finer, groups.of_cluster], axis=1), axis=0)
+        assert len(pairs) == finer.max() + 1  # each of the finer groups is in one of these
+        for g in range(len(groups.low)):
+            members = groups.of_cluster == g
+            assert len(np.unique(found.clusters.room[members])) == 1
+            assert np.allclose(groups.low[g], found.clusters.box_min[members].min(axis=0))
+            assert np.allclose(groups.high[g], found.clusters.box_max[members].max(axis=0))
+        finer = groups.of_cluster
+    assert len(groups.low) == 4
+    shop.bpy.ops.enfilade.show_clusters(level=1)
+    assert content().title.startswith(f"4 groups of {len(found.clusters)} clusters")
+    assert len(layers("boxes")[0].position) <= 4 * 24
+
+
 def test_visible_sets_are_coloured_by_portals(shop, rooms):
     from enfilade.addon.overlay_layers import CROSSED, PICKED
 
@@ -93,13 +116,13 @@ def test_visible_sets_are_coloured_by_portals(shop, rooms):
     assert (beyond[:, 2] < 2.4).all()
     assert np.allclose(windows.position.min(axis=0), [4.1, 1, 0])
     assert np.allclose(windows.position.max(axis=0), [4.1, 2, 2])
+    assert len(layers("volumes")) == 2
     for volume in layers("volumes"):
         assert volume.position[:, 0].min() > 4.2 - 1e-5
         assert volume.position[:, 0].max() < 7.2 + 1e-5
     held = [row for row in content().legend if "portal" in row[1]]
-    polygons = found.clusters.polygons[(np.arange(len(found.clusters)) > -1) & (found.clusters.room == 1)]
     assert len(held) == 1
-    assert int(held[0][1].split(", ")[1].split()[0]) < polygons.sum()
+    assert 0 < int(held[0][1].split(", ")[1].split()[0]) < found.clusters.polygons[found.clusters.room == 1].sum()
 
 
 def test_a_face_of_the_active_object_can_be_named(shop, rooms):
