@@ -128,7 +128,7 @@ class ENFILADE_PT_solver(_SubPanel, bpy.types.Panel):
         for group in (
             ("order", "min_element_size", "max_iterations"),
             ("average", "large_polygon", "distance", "reflectance_weight", "emission_weight", "orientation_weight"),
-            ("seeding", "huge_room", "hierarchy_children"),
+            ("seeding", "split_merge", "huge_room", "hierarchy_children"),
             ("emitters", "volumes", "ordering"),
             ("memory", "store", "threads", "seed"),
         ):

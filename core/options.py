@@ -80,6 +80,13 @@ class Options:
         minimum=0,
         maximum=2**31 - 1,
     )
+    split_merge: int = _option(
+        2,
+        "int",
+        "Most rounds that split and merge clusters to make their boxes smaller; 0: none, as in the paper",
+        minimum=0,
+        maximum=1000,
+    )
     hierarchy_children: int = _option(16, "int", "Most children of a node of this hierarchy", minimum=2, maximum=100_000)
     large_polygon: float = _option(
         1.0, "float", "A polygon whose smaller edge is longer than this is a cluster of its own", unit="m", minimum=0.0, maximum=1e6

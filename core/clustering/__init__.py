@@ -1,6 +1,6 @@
 """Clusters of polygons that lie close together, per room: section 4 of the paper."""
 
-from .by_room import CHILDREN, HUGE_ROOM, cells, cluster_as_chosen, cluster_items
+from .by_room import CHILDREN, HUGE_ROOM, SPLIT_MERGE, cells, cluster_as_chosen, cluster_items
 from .distances import DISTANCE_FUNCTIONS, Candidates, Distance, weighted_sum
 from .hierarchy import Hierarchy, hierarchy_of
 from .items import ClusterItems, Clusters, cluster_items_of
@@ -11,6 +11,7 @@ __all__ = [
     "DISTANCE_FUNCTIONS",
     "HUGE_ROOM",
     "SEEDINGS",
+    "SPLIT_MERGE",
     "Candidates",
     "ClusterItems",
     "Clusters",

@@ -20,12 +20,16 @@ from .distances import (
 from .hierarchy import cluster_numbers, divide
 from .isodata import lloyd
 from .items import ClusterItems, Clusters, partition
+from .neighbours import numbered_by_room
 from .seeds import SEEDINGS, Seeding, spread_seeds
+from .split_merge import split_and_merge
 
 HUGE_ROOM = 4000
 """Polygons of a room above which a hierarchy forms its clusters: there it takes half the time of the flat algorithm, for boxes as tight."""
 CHILDREN = (16,)
 """Most children of a node of this hierarchy: with fewer the boxes are looser, with more it takes longer."""
+SPLIT_MERGE = 2
+"""Most rounds of splitting and merging: two bring most of what can be had."""
 
 
 def cluster_as_chosen(items: ClusterItems, room_count: int, options: Options, rng: np.random.Generator) -> Clusters:
@@ -42,6 +46,7 @@ def cluster_as_chosen(items: ClusterItems, room_count: int, options: Options, rn
         seeding=SEEDINGS[options.seeding],
         huge_room=options.huge_room,
         children=(options.hierarchy_children,),
+        split_merge=options.split_merge,
         rng=rng,
     )
 
@@ -61,6 +66,7 @@ def cluster_items(
     seeding: Seeding = spread_seeds,
     huge_room: int = HUGE_ROOM,
     children: Sequence[int] = CHILDREN,
+    split_merge: int = SPLIT_MERGE,
     rng: np.random.Generator,
 ) -> Clusters:
     """Sort items into clusters, each within one room (ISODATA, paper section 4).
@@ -72,6 +78,7 @@ def cluster_items(
     seeding : where the clusters begin, :func:`spread_seeds` or, as in the paper, :func:`random_seeds`
     huge_room : rooms with more polygons than this (the large ones left out) are divided by a hierarchy (section 4.5), in O(N log N)
     children : most children of a node at level 0, 1, .. of this hierarchy; the last number holds for all further levels
+    split_merge : most rounds of :func:`split_and_merge` that make the boxes smaller in the end; 0: none, as in the paper
     """
     small = np.flatnonzero(items.smaller_edge <= large_polygon)
     rows = small[np.argsort(items.room[small], kind="stable")]
@@ -83,15 +90,15 @@ def cluster_items(
     number = np.where(huge, 0, np.minimum(cluster_numbers(polygons, average), size))
     seeds = rows[seeding(items.barycenter[rows], start, number, rng)]
     label, iterations, oscillated = lloyd(items, rows, start, number, seeds, distance)
-    key = np.empty(len(items), np.int64)
-    key[rows] = label
     if huge.any():
-        inside = rows[huge[row_room]]
+        inside = huge[row_room]
         huge_start = np.concatenate([np.zeros(1, np.int64), np.cumsum(size[huge])])
-        label, iterations[huge], oscillated[huge] = divide(
-            items, inside, huge_start, average, children=children, distance=distance, seeding=seeding, rng=rng
+        label[inside], iterations[huge], oscillated[huge] = divide(
+            items, rows[inside], huge_start, average, children=children, distance=distance, seeding=seeding, rng=rng
         )
-        key[inside] = len(seeds) + label
+    label = split_and_merge(items, rows, start, label, split_merge, distance=distance, seeding=seeding, rng=rng)
+    key = np.empty(len(items), np.int64)
+    key[rows], cluster_start = numbered_by_room(label, start)
     large = np.setdiff1d(np.arange(len(items)), small)
-    key[large] = len(seeds) + len(items) + np.arange(len(large))
+    key[large] = cluster_start[-1] + np.arange(len(large))
     return partition(items, key, iterations, oscillated)

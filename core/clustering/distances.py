@@ -61,32 +61,32 @@ class Candidates:
     @property
     def barycenter(self) -> np.ndarray:
         """Mean of the items' barycenters, metres."""
-        return self._groups.of("barycenter")[self._index]
+        return self._groups.of("barycenter").take(self._index, axis=0)
 
     @property
     def box_min(self) -> np.ndarray:
         """Lower corner of the bounding box of the items, metres."""
-        return self._groups.of("box_min")[self._index]
+        return self._groups.of("box_min").take(self._index, axis=0)
 
     @property
     def box_max(self) -> np.ndarray:
         """Upper corner of the bounding box of the items, metres."""
-        return self._groups.of("box_max")[self._index]
+        return self._groups.of("box_max").take(self._index, axis=0)
 
     @property
     def normal(self) -> np.ndarray:
         """Mean of the items' unit normals: shorter than one where they differ."""
-        return self._groups.of("normal")[self._index]
+        return self._groups.of("normal").take(self._index, axis=0)
 
     @property
     def reflectance(self) -> np.ndarray:
         """Mean of the items' reflectances, 0..1."""
-        return self._groups.of("reflectance")[self._index]
+        return self._groups.of("reflectance").take(self._index, axis=0)
 
     @property
     def emission(self) -> np.ndarray:
         """Mean of the items' emitted exitances, W/m2."""
-        return self._groups.of("emission")[self._index]
+        return self._groups.of("emission").take(self._index, axis=0)
 
 
 Distance = Callable[[ClusterItems, np.ndarray, Candidates], np.ndarray]

@@ -16,7 +16,7 @@ from ..grouping import ragged
 from .distances import Distance, barycenter_distance
 from .isodata import lloyd
 from .items import ClusterItems, Clusters, clusters_as_items
-from .neighbours import settle
+from .neighbours import numbered_by_room, settle
 from .seeds import Seeding, spread_seeds
 
 SCATTER_POWER = 0.6
@@ -140,15 +140,9 @@ def divide(
 
     polygons = np.add.reduceat(items.weight[rows], start[:-1])
     leaf = _grow(rows, start, cluster_numbers(polygons, average), children, wanted, part).node_of[rows]
-    label, count = np.empty(len(rows), np.int64), 0
-    for r in range(len(start) - 1):
-        own = slice(start[r], start[r + 1])
-        index = np.unique(leaf[own], return_inverse=True)[1].reshape(-1)
-        index, steps, again = settle(items, rows[own], index, distance)
-        iterations[r], oscillated[r] = max(iterations[r], steps), oscillated[r] or again
-        label[own] = count + index
-        count += int(index.max()) + 1
-    return label, iterations, oscillated
+    label, cluster_start = numbered_by_room(leaf, start)
+    label, steps, again = settle(items, rows, start, label, cluster_start, distance)
+    return label, np.maximum(iterations, steps), oscillated | again
 
 
 def cluster_numbers(polygons: np.ndarray, average: int) -> np.ndarray:

@@ -6,6 +6,8 @@ state returns (oscillation) or ten steps are done. All rooms advance together in
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
 
 from ..grouping import ragged
@@ -14,8 +16,15 @@ from .items import ClusterItems
 
 MAX_STEPS = 10
 """Most Lloyd steps (section 4.1 of the paper: ten interrupt what has not settled)."""
-BLOCK_PAIRS = 1 << 18
+BLOCK_PAIRS = 1 << 16
 """Item-cluster pairs that are compared at once."""
+
+
+Blocks = Callable[[np.ndarray, np.ndarray], Iterator[tuple[np.ndarray, np.ndarray, bool]]]
+"""``blocks(active (R,) bool, label (m,))``: parts of the active rooms' rows, each with the clusters that it chooses among.
+
+Yields (positions (b,) in the rows, index (b, k) of clusters, or (1, k) where all share them, whether they do).
+"""
 
 
 def lloyd(
@@ -27,31 +36,52 @@ def lloyd(
     distance: Distance,
     steps: int = MAX_STEPS,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Lloyd's iteration in all rooms at once.
+    """Lloyd's iteration in all rooms at once, every item choosing among all clusters of its room.
 
     rows : (m,) items sorted by room, room r owns ``rows[start[r]:start[r + 1]]``
     number : (R,) clusters of each room;  seeds : (sum,) the items that the clusters begin with, room after room
     Returns (label (m,) int64 index into ``seeds``, steps taken (R,) int32, oscillated (R,) bool). A cluster that no label
     names has lost all its items.
     """
-    rooms = len(number)
     first = np.concatenate([np.zeros(1, np.int64), np.cumsum(number)])
+    room = np.repeat(np.arange(len(number)), np.diff(start))
+    only = np.where(number[room] == 1, first[room], -1)  # one cluster takes all in one step
+    label, iterations, oscillated = iterate(
+        items, rows, start, Groups(items, seeds), only, number > 1, lambda active, _: _blocks(start, number, first, active), distance, steps
+    )
+    return label, np.where(number == 1, 1, iterations).astype(np.int32), oscillated
+
+
+def iterate(
+    items: ClusterItems,
+    rows: np.ndarray,
+    start: np.ndarray,
+    groups: Groups,
+    label: np.ndarray,
+    active: np.ndarray,
+    blocks: Blocks,
+    distance: Distance,
+    steps: int = MAX_STEPS,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Assign the rows of the active rooms to the nearest of the clusters that ``blocks`` offers, move ``groups``, and so on.
+
+    label : (m,) int64 clusters of the rows before the first step, -1 for none
+    Returns label, steps and oscillation as :func:`lloyd`; a step that changes nothing is the last of its room.
+    """
+    rooms = len(active)
     row_room = np.repeat(np.arange(rooms), np.diff(start))
-    groups = Groups(items, seeds)
-    label = np.where(number[row_room] > 0, first[row_room], -1)
-    iterations = (number > 0).astype(np.int32)
+    active = active & (np.diff(start) > 0)
+    iterations = np.zeros(rooms, np.int32)
     oscillated = np.zeros(rooms, bool)
-    active = number > 1  # one cluster takes all in one step
     # A sum of the labels under fixed random 64-bit weights stands for the state of a room: an earlier state is recognised.
     signature_weight = np.random.default_rng(0).integers(0, 1 << 64, len(rows), np.uint64)
     seen = np.zeros((steps, rooms), np.uint64)
-    label[active[row_room]] = -1
     for step in range(steps):
         if not active.any():
             break
         iterations[active] = step + 1
         assigned = label.copy()
-        for block, index, shared in _blocks(start, number, first, active):
+        for block, index, shared in blocks(active, label):
             nearest = np.argmin(distance(items, rows[block], Candidates(groups, index)), axis=1)
             assigned[block] = index[0, nearest] if shared else index[np.arange(len(block)), nearest]
         changed = np.bincount(row_room[assigned != label], minlength=rooms) > 0

@@ -1,72 +1,96 @@
-"""Lloyd's iteration among near clusters: it lets items cross the borders that a hierarchy drew, at a cost linear in their number."""
+"""Lloyd's iteration among near clusters: items cross the borders between clusters at a cost linear in their number."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
-from .distances import Candidates, Distance, Groups
-from .isodata import BLOCK_PAIRS, MAX_STEPS
+from .distances import Distance, Groups
+from .isodata import BLOCK_PAIRS, MAX_STEPS, iterate
 from .items import ClusterItems
 
 NEAR = 8
 """Clusters that an item chooses among: the one it is in and the nearest to that one."""
 WINDOW = 2048
 """Clusters among which the nearest are sought."""
+_PART = 256
 
 
 def settle(
-    items: ClusterItems, rows: np.ndarray, label: np.ndarray, distance: Distance, steps: int = MAX_STEPS
-) -> tuple[np.ndarray, int, bool]:
-    """Move the items of one room, ``rows`` (m,), from their clusters ``label`` (m,), numbered 0.., to nearer ones close by.
+    items: ClusterItems,
+    rows: np.ndarray,
+    start: np.ndarray,
+    label: np.ndarray,
+    cluster_start: np.ndarray,
+    distance: Distance,
+    steps: int = MAX_STEPS,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Move items from their clusters to nearer ones close by until all rest.
 
-    Returns (label (m,) int64, steps taken, whether an earlier state came back).
+    rows : (m,) items sorted by room, room r owns ``rows[start[r]:start[r + 1]]``
+    label : (m,) int64 their clusters; room r owns the numbers ``cluster_start[r]:cluster_start[r + 1]``, each of which is in use
+    Returns (label, steps taken (R,) int32, oscillated (R,) bool) as :func:`~.isodata.lloyd`.
     """
-    number = int(label.max(initial=-1)) + 1
-    seeds = np.zeros(number, np.int64)
+    seeds = np.zeros(int(cluster_start[-1]), np.int64)
     seeds[label] = rows
     groups = Groups(items, seeds)
     groups.move(rows, label)
-    near = nearest_clusters(groups.of("barycenter"))
-    seen: set[bytes] = set()
-    for step in range(1, steps + 1):
-        assigned = label.copy()
-        size = max(1, BLOCK_PAIRS // NEAR)
-        for block in (slice(i, i + size) for i in range(0, len(rows), size)):
-            index = near[label[block]]
-            best = np.argmin(distance(items, rows[block], Candidates(groups, index)), axis=1)
-            assigned[block] = index[np.arange(len(index)), best]
-        if np.array_equal(assigned, label):
-            return label, step, False
-        state = assigned.tobytes()
-        label = assigned
-        if state in seen:
-            return label, step, True
-        seen.add(state)
-        groups.move(rows, label)
-    return label, steps, False
+    near = nearest_clusters(groups.of("barycenter"), cluster_start)
+    room = np.repeat(np.arange(len(start) - 1), np.diff(start))
+
+    def blocks(active: np.ndarray, label: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, bool]]:
+        moving = np.flatnonzero(active[room])
+        size = BLOCK_PAIRS // NEAR
+        for block in (moving[i : i + size] for i in range(0, len(moving), size)):
+            yield block, near[label[block]], False
+
+    return iterate(items, rows, start, groups, label, np.diff(cluster_start) > 1, blocks, distance, steps)
 
 
-def nearest_clusters(barycenter: np.ndarray) -> np.ndarray:
-    """(g, min(NEAR, g)) int64: every cluster itself and the nearest others, for barycenters (g, 3) in metres.
+def numbered_by_room(label: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Labels (m,) of rows as :func:`settle` takes them, numbers without gaps and room after room, and ``cluster_start`` (R + 1,)."""
+    room = np.repeat(np.arange(len(start) - 1), np.diff(start))
+    span = int(label.max(initial=0)) + 1
+    found, index = np.unique(room * span + label, return_inverse=True)
+    return index.reshape(-1), np.searchsorted(found, span * np.arange(len(start)))
 
-    They are sought among the WINDOW clusters around it along the longest axis, so among all where there are fewer.
+
+def nearest_clusters(barycenter: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """(g, NEAR) int64: every cluster itself, then the nearest others of its room, for barycenters (g, 3) in metres.
+
+    Room r owns the clusters ``start[r]:start[r + 1]``. Where it has fewer than NEAR, a cluster is named again. In rooms of more than
+    WINDOW clusters the nearest are sought among the WINDOW around each along the room's longest axis.
     """
     number = len(barycenter)
-    count = min(NEAR, number)
-    result = np.empty((number, count), np.int64)
-    if not number:
-        return result
-    order = np.argsort(barycenter[:, np.argmax(np.ptp(barycenter, axis=0))], kind="stable")
-    width = min(WINDOW, number)
-    for low in range(0, number, WINDOW // 4):
-        some = order[low : low + WINDOW // 4]
-        begin = min(max(low - 3 * WINDOW // 8, 0), number - width)
-        others = order[begin : begin + width]
-        middle = barycenter[some].mean(axis=0)  # a matrix product about it loses no digits far from the origin
+    room = np.repeat(np.arange(len(start) - 1), np.diff(start))
+    order = np.lexsort((_along_the_longest_axis(barycenter, start), room))
+    result = np.empty((number, NEAR), np.int64)
+    for low in range(0, number, _PART):
+        some = order[low : low + _PART]
+        begin = max(int(start[room[some[0]]]), low - (WINDOW - _PART) // 2)
+        end = min(int(start[room[some[-1]] + 1]), low + _PART + (WINDOW - _PART) // 2)
+        others = order[begin:end]
+        middle = barycenter[some].mean(axis=0)  # a matrix product about it loses few digits far from the origin
         a, b = barycenter[some] - middle, barycenter[others] - middle
         squared = np.einsum("ij,ij->i", b, b) - 2.0 * (a @ b.T)
+        squared[room[some][:, None] != room[others]] = np.inf
         squared[np.arange(len(some)), np.arange(len(some)) + low - begin] = -np.inf
+        count = min(NEAR, len(others))
         close = np.argpartition(squared, count - 1, axis=1)[:, :count]
         value = np.take_along_axis(squared, close, axis=1)
-        result[some] = others[np.take_along_axis(close, np.argsort(value, axis=1, kind="stable"), axis=1)]
+        rank = np.argsort(value, axis=1, kind="stable")
+        found = others[np.take_along_axis(close, rank, axis=1)]
+        found = np.where(np.isposinf(np.take_along_axis(value, rank, axis=1)), some[:, None], found)
+        result[some, :count], result[some, count:] = found, some[:, None]
     return result
+
+
+def _along_the_longest_axis(position: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """(g,) float64: of every position (g, 3) the coordinate in which the positions of its room spread most."""
+    used = np.flatnonzero(np.diff(start) > 0)
+    if not len(used):
+        return np.zeros(0)
+    size = np.maximum.reduceat(position, start[used], axis=0) - np.minimum.reduceat(position, start[used], axis=0)
+    axis = np.repeat(np.argmax(size, axis=1), np.diff(start)[used])
+    return position[np.arange(len(position)), axis]

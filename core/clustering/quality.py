@@ -64,8 +64,8 @@ def histogram(polygons: np.ndarray) -> np.ndarray:
 def void_volume(items: ClusterItems, clusters: Clusters) -> np.ndarray:
     """(C,) float64, m3: what of each cluster's box is empty.
 
-    The box is cut into VOID_CELLS along each edge; a cell is empty when no item's bounding box reaches into it. A share of the volume
-    of the polygons themselves would say nothing, since they have none.
+    The box is cut into VOID_CELLS along each edge; a cell is empty when no item reaches into it, neither by its bounding box nor by its
+    plane. A share of the volume of the polygons themselves would say nothing, since they have none.
     """
     size = clusters.box_max - clusters.box_min
     volume = size.prod(axis=1)
@@ -86,6 +86,11 @@ def void_volume(items: ClusterItems, clusters: Clusters) -> np.ndarray:
             z, rest = cell % span[whose, 2], cell // span[whose, 2]
             y, x = rest % span[whose, 1], rest // span[whose, 1]
             place = first[whose] + np.stack([x, y, z], axis=1)
+            centre = (place + 0.5) * unit[whose] + (low[whose] - items.barycenter[item[whose]])
+            normal = items.normal[item[whose]]
+            height = np.abs(np.einsum("ij,ij->i", normal, centre))
+            met = height <= 0.5 * np.einsum("ij,ij->i", np.abs(normal), unit[whose]) * (1 + 1e-9)
+            place, whose = place[met], whose[met]
             used[owner[whose] * cells + place @ (VOID_CELLS**2, VOID_CELLS, 1)] = True
         empty[block] = volume[block] * (1.0 - used.reshape(-1, cells).mean(axis=1))
     return empty

@@ -134,7 +134,7 @@ def test_a_distance_of_the_users_own():
     def far_seeds(position, start, number, rng):
         return np.arange(0, 100, 25)
 
-    clusters = cluster_items(items, 1, average=25, distance=height, seeding=far_seeds, rng=rng)
+    clusters = cluster_items(items, 1, average=25, distance=height, seeding=far_seeds, split_merge=0, rng=rng)
     np.testing.assert_array_equal(clusters.cluster_of, storey)
 
 
@@ -148,6 +148,6 @@ def test_a_weight_on_reflectance_parts_colours_that_lie_together():
     def one_of_each(position, start, number, rng):
         return np.array([np.flatnonzero(red)[0], np.flatnonzero(~red)[0]])
 
-    clusters = cluster_items(items, 1, average=30, distance=distance, seeding=one_of_each, rng=rng)
+    clusters = cluster_items(items, 1, average=30, distance=distance, seeding=one_of_each, split_merge=0, rng=rng)
     assert len(clusters) == 2
     assert len(np.unique(red[clusters.cluster_of == 0])) == 1

@@ -152,16 +152,30 @@ def test_numbers_of_clusters_are_rounded():
 
 def test_nearest_clusters_are_the_nearest():
     points = np.random.default_rng(3).random((300, 3))
-    near = nearest_clusters(points)
+    near = nearest_clusters(points, np.array([0, 300]))
     squared = ((points[:, None] - points[None]) ** 2).sum(-1)
     np.testing.assert_array_equal(near, np.argsort(squared, axis=1)[:, :8])
-    assert nearest_clusters(points[:3])[:, 0].tolist() == [0, 1, 2]
+
+
+def test_nearest_clusters_are_of_the_same_room():
+    rng = np.random.default_rng(8)
+    size = np.array([1, 40, 0, 3, 500, 12])
+    start = np.concatenate([[0], np.cumsum(size)])
+    points = rng.random((size.sum(), 3)) * [9, 7, 3] + 1e5
+    near = nearest_clusters(points, start)
+    for r in range(len(size)):
+        own = points[start[r] : start[r + 1]]
+        squared = ((own[:, None] - own[None]) ** 2).sum(-1)
+        expected = start[r] + np.argsort(squared, axis=1)[:, :8]
+        np.testing.assert_array_equal(near[start[r] : start[r + 1], : expected.shape[1]], expected)
+        missing = np.arange(start[r], start[r + 1])[:, None].repeat(8 - min(8, size[r]), axis=1)
+        np.testing.assert_array_equal(near[start[r] : start[r + 1], expected.shape[1] :], missing)
 
 
 def test_nearest_clusters_of_many_lie_along_the_longest_axis():
     """Beyond the window nothing is found, and in a row of clusters nothing is there."""
     points = np.random.default_rng(4).permutation(np.c_[np.arange(5000) * 2.0, np.zeros((5000, 2))])
-    near = nearest_clusters(points)
+    near = nearest_clusters(points, np.array([0, 5000]))
     reach = np.abs(points[near, 0] - points[:, None, 0])
     assert (near[:, 0] == np.arange(5000)).all()
     inner = (points[:, 0] > 10) & (points[:, 0] < 9980)
@@ -169,17 +183,21 @@ def test_nearest_clusters_of_many_lie_along_the_longest_axis():
 
 
 def test_settling_moves_polygons_to_the_nearer_cluster_and_rests():
-    items = cluster_items_of(scene_of(squares([[0, 0, 0], [1, 0, 0], [10, 0, 0], [11, 0, 0], [1.5, 0, 0]], 0.1)))
-    label, steps, again = settle(items, np.arange(5), np.array([0, 0, 1, 1, 1]), DISTANCE_FUNCTIONS["barycenter"])
-    assert (label.tolist(), steps, again) == ([0, 0, 1, 1, 0], 2, False)
+    """In two rooms at once, one of which is at rest from the start."""
+    places = [[0, 0, 0], [1, 0, 0], [10, 0, 0], [11, 0, 0], [1.5, 0, 0], [0, 0, 0], [5, 0, 0]]
+    items = cluster_items_of(scene_of(squares(places, 0.1), [0, 0, 0, 0, 0, 1, 1]))
+    start, cluster_start = np.array([0, 5, 7]), np.array([0, 2, 4])
+    label = np.array([0, 0, 1, 1, 1, 2, 3])
+    label, steps, again = settle(items, np.arange(7), start, label, cluster_start, DISTANCE_FUNCTIONS["barycenter"])
+    assert (label.tolist(), steps.tolist(), again.tolist()) == ([0, 0, 1, 1, 0, 2, 3], [2, 1], [False, False])
 
 
 def test_settling_sees_that_it_swings():
     items = cluster_items_of(scene_of(squares(np.c_[np.arange(4), np.zeros((4, 2))], 0.1)))
 
     def restless(items, rows, candidates):
-        """Every polygon prefers the other cluster."""
-        return np.tile([2.0, 1.0], (len(rows), 1))
+        """Every polygon prefers another cluster to its own."""
+        return np.tile([2.0, 1.0] + [3.0] * 6, (len(rows), 1))
 
-    _, steps, again = settle(items, np.arange(4), np.array([0, 0, 1, 1]), restless)
-    assert (steps, again) == (3, True)
+    _, steps, again = settle(items, np.arange(4), np.array([0, 4]), np.array([0, 0, 1, 1]), np.array([0, 2]), restless)
+    assert (steps.tolist(), again.tolist()) == ([3], [True])

@@ -88,7 +88,8 @@ def degenerate_scenes():
 @pytest.mark.parametrize(("name", "scene"), list(degenerate_scenes()))
 def test_any_scene_gives_a_partition(name, scene, average, distance):
     items = cluster_items_of(scene)
-    for choices in ({"seeding": "spread"}, {"seeding": "random"}, {"huge_room": 0}, {"huge_room": 0, "hierarchy_children": 2}):
+    ways = ({"split_merge": 0}, {"seeding": "random"}, {"huge_room": 0}, {"huge_room": 0, "hierarchy_children": 2, "split_merge": 5})
+    for choices in ways:
         options = Options(average=average, distance=distance, **choices)
         clusters = cluster_as_chosen(items, scene.room_count, options, np.random.default_rng(0))
         assert_partition(clusters, items)
@@ -134,6 +135,7 @@ def test_choices_of_a_user_arrive():
         ),
         ({"seeding": "random"}, {"seeding": SEEDINGS["random"]}),
         ({"huge_room": 200, "hierarchy_children": 3}, {"huge_room": 200, "children": (3,)}),
+        ({"split_merge": 0}, {"split_merge": 0}),
         ({"large_polygon": 0.1}, {"large_polygon": 0.1}),
     ]:
         found = labels(**choices)
