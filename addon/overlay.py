@@ -68,7 +68,7 @@ def _draw() -> None:
         with gpu.matrix.push_pop():
             gpu.matrix.load_matrix(nearer @ eye.view_matrix)
             for layer in _content.layers:
-                if getattr(settings, layer.part) and len(layer.position):
+                if getattr(settings, layer.part, True) and len(layer.position):
                     _draw_layer(layer, region)
     finally:
         gpu.state.depth_test_set("NONE")
@@ -79,7 +79,7 @@ def _draw() -> None:
 
 def _draw_layer(layer: Layer, region: bpy.types.Region) -> None:
     shader, batch = _batch(layer)
-    solid = layer.part == "surfaces" and not layer.lines
+    solid = not layer.lines and layer.part != "volumes"
     gpu.state.depth_test_set("LESS_EQUAL")
     gpu.state.depth_mask_set(solid)
     # Seen from outside a room, its walls would hide what is in it.

@@ -23,7 +23,7 @@ _SUN = np.array([0.32, 0.48, 0.82])
 
 @dataclass(frozen=True)
 class Layer:
-    """Something to draw. part : the switch that shows it, ``"surfaces"``, ``"boxes"``, ``"windows"``, ``"volumes"`` or ``"leaks"``
+    """Something to draw. part : the switch that shows it, ``"surfaces"``, ``"boxes"``, ``"windows"`` or ``"volumes"``; others always are
 
     lines : lines (n even) or triangles (n a multiple of three);  position : (n, 3) float32, Blender's units
     color : (n, 4) float32;  width : of lines, pixels
@@ -83,10 +83,11 @@ def sight_content(found: Inspection, seen: Sight) -> Content:
     boxed = np.flatnonzero((seen.crossed >= 0) & (np.diff(clusters.start) > 1) & (np.arange(len(clusters)) != seen.cluster))
     low, high = clusters.box_min, clusters.box_max
     layers = [
-        _surfaces(found, (drawn >= 0) & (seen.crossed[drawn] >= 0), colors[drawn]),
+        _surfaces(found, (drawn >= 0) & (seen.crossed[drawn] >= 0) & (drawn != seen.cluster), colors[drawn]),
+        _surfaces(found, drawn == seen.cluster, colors[drawn], "picked"),
         _boxes(found, low[boxed], high[boxed], _dark(colors[boxed]), 1.0),
         *_windows(found, seen),
-        _boxes(found, low[[seen.cluster]], high[[seen.cluster]], np.array([PICKED]), 3.0, "surfaces"),
+        _boxes(found, low[[seen.cluster]], high[[seen.cluster]], np.array([PICKED]), 3.0, "picked"),
     ]
     polygons = np.bincount(np.maximum(seen.crossed, 0)[visible], clusters.polygons[visible]).astype(int)
     counts = np.bincount(seen.crossed[visible])
@@ -114,7 +115,9 @@ def leaks_content(found: Leaks) -> Content:
         Layer("leaks", True, ends.astype(np.float32), _flat(LEAK, len(ends)), 4.0),
         Layer("leaks", True, cross.astype(np.float32), _flat((1.0, 1.0, 1.0), len(cross)), 2.0),
     )
-    legend = [(LEAK, f"{names[leak.room]} - {names[leak.other]}: {np.linalg.norm(leak.end - leak.start):.2f} m") for leak in found.leaks]
+    legend = [
+        (LEAK, f"from {names[leak.room]} into {names[leak.other]}: {np.linalg.norm(leak.end - leak.start):.2f} m") for leak in found.leaks
+    ]
     if len(legend) > MOST_NAMED:
         legend = [*legend[:MOST_NAMED], (LEAK, f"and {len(legend) - MOST_NAMED} more")]
     count = len(found.leaks)
@@ -146,13 +149,13 @@ def _windows(found: Inspection, seen: Sight) -> list[Layer]:
     return layers
 
 
-def _surfaces(found: Inspection, chosen: np.ndarray, color: np.ndarray) -> Layer:
+def _surfaces(found: Inspection, chosen: np.ndarray, color: np.ndarray, part: str = "surfaces") -> Layer:
     """The triangles ``chosen`` (T,) in ``color`` (T, 3), darkened a little by the way that they face."""
     corners = found.triangle[chosen]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
     shade = 0.6 + 0.4 * (0.5 + 0.5 * normal @ _SUN)
-    return Layer("surfaces", False, _units(found, corners.reshape(-1, 3)), np.repeat(_rgba(color[chosen] * shade[:, None], 1.0), 3, axis=0))
+    return Layer(part, False, _units(found, corners.reshape(-1, 3)), np.repeat(_rgba(color[chosen] * shade[:, None], 1.0), 3, axis=0))
 
 
 def _boxes(found: Inspection, low: np.ndarray, high: np.ndarray, color: np.ndarray, width: float, part: str = "boxes") -> Layer:

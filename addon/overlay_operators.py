@@ -28,7 +28,6 @@ class ENFILADE_PG_overlay(bpy.types.PropertyGroup):
     volumes: bpy.props.BoolProperty(
         name="Volumes", description="Draw the space that is seen behind each portal", default=False, update=_changed
     )
-    leaks: bpy.props.BoolProperty(name="Leaks", description="Draw the lines along which rooms leak", default=True, update=_changed)
     level: bpy.props.IntProperty(
         name="Level", description="Level of the hierarchy that Show Clusters shows; 0: the clusters themselves", default=0, min=0, max=64
     )
