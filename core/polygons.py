@@ -155,17 +155,39 @@ def clip_to_boxes(polygons: np.ndarray, low: np.ndarray, high: np.ndarray) -> np
 
 
 def clip_half(polygons: np.ndarray, height: np.ndarray) -> np.ndarray:
-    """Keep the part of (n, k, d) convex polygons with ``height`` (n, k) >= 0; one corner slot more than before."""
-    n, k, d = polygons.shape
-    following, next_height = np.roll(polygons, -1, 1), np.roll(height, -1, 1)
-    inside, crosses = height >= 0, (height >= 0) != (next_height >= 0)
-    t = height / np.where(crosses, height - next_height, 1.0)
-    # Every corner gives at most itself and the crossing after it: 2k slots, packed to k + 1 (convexity allows no more).
-    slots = np.stack([polygons, polygons + t[..., None] * (following - polygons)], axis=2).reshape(n, 2 * k, d)
-    used = np.stack([inside, crosses], axis=2).reshape(n, 2 * k)
-    order = np.argsort(~used, axis=1, kind="stable")[:, : k + 1]
-    rank = np.minimum(np.arange(k + 1)[None], np.maximum(used.sum(1) - 1, 0)[:, None])
-    return np.take_along_axis(slots, np.take_along_axis(order, rank, 1)[..., None], 1)
+    """Keep the part of (n, k, d) convex polygons with ``height`` (n, k) >= 0; one corner slot more than before.
+
+    The corners that stay follow each other, because the polygon is convex: the result runs from the point where the border
+    enters the half-space, over these corners, to the point where it leaves; the last point fills the slots that remain.
+    """
+    k = polygons.shape[1]
+    inside = height >= 0
+    count = inside.sum(1)
+    out = np.concatenate([polygons, polygons[:, -1:]], axis=1)
+    none = np.flatnonzero(count == 0)
+    out[none] = polygons[none, :1]
+    cut = np.flatnonzero((count > 0) & (count < k))
+    if not len(cut):
+        return out
+    inside, count = inside[cut], count[cut]
+    before = np.concatenate([inside[:, -1:], inside[:, :-1]], axis=1)
+    first = (inside & ~before).argmax(1)
+    last = (first + count - 1) % k
+    place = (first[:, None] + np.clip(np.arange(-1, k), 0, count[:, None] - 1)) % k
+    flat, level = polygons[cut].reshape(-1, polygons.shape[2]), height[cut].reshape(-1)
+    row = k * np.arange(len(cut))
+    kept = flat[row[:, None] + place]
+    ends = []
+    for at, to in ((first, (first - 1) % k), (last, (last + 1) % k)):
+        p, q, hp, hq = flat[row + at], flat[row + to], level[row + at], level[row + to]
+        # Rounding may leave corners on the plane out of their row; what is no crossing then has nothing between.
+        crosses = (hp >= 0) & (hq < 0)
+        t = np.where(crosses, hp / np.where(crosses, hp - hq, 1.0), 0.0)
+        ends.append(p + np.clip(t, 0, 1)[:, None] * (q - p))
+    kept[:, 0] = ends[0]
+    kept = np.where((np.arange(k + 1) > count[:, None])[..., None], ends[1][:, None], kept)
+    out[cut] = kept
+    return out
 
 
 def areas_and_centroids(polygons: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

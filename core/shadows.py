@@ -14,6 +14,7 @@ from .grouping import ragged
 from .occlusion import Blockers
 from .polygons import clip_half
 from .transport import edge_sum
+from .vectors import cross, following
 
 _ROWS = 1 << 14
 
@@ -92,9 +93,9 @@ def _cone_test(
     """
     count = len(polygon)
     corner = [polygon[k][:, members] for k in range(count)]
-    side = [np.cross(plate[k], plate[(k + 1) % 4], axis=0) for k in range(4)]
+    side = [_cross(plate[k], plate[(k + 1) % 4]) for k in range(4)]
     # Seen from the point all edges turn the same way; the diagonals tell which, also for a triangle with its double corner.
-    face = np.cross(plate[2] - plate[0], plate[3] - plate[1], axis=0)
+    face = _cross(plate[2] - plate[0], plate[3] - plate[1])
     away = (face * plate[0]).sum(0)
     turn = np.sign(away)
     # A plate whose plane holds the point hides nothing.
@@ -117,6 +118,11 @@ def _cone_test(
     return touched, held
 
 
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(3, r) cross products of vectors (3, r)."""
+    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
 def _heights(corners: np.ndarray, planes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Least and greatest height (n, h) of convex pieces (n, k, 3) over planes (n, h, 4), and the rounding (n, 1) of both."""
     height = np.matmul(corners, planes[:, :, :3].transpose(0, 2, 1))
@@ -130,9 +136,8 @@ def _cones(blockers: Blockers, k: np.ndarray, points: np.ndarray) -> np.ndarray:
     A blocker whose plane holds the point hides nothing: its half-spaces are empty.
     """
     corners = blockers.corners[k].astype(np.float64) - points[:, None]
-    following = np.roll(corners, -1, 1)
     # A triangle has its last corner twice: the edge between is none, and everything is inside its half-space.
-    side = np.cross(corners, following)
+    side = cross(corners, following(corners))
     side *= np.sign(np.einsum("nkd,nd->nk", side, corners.mean(1)))[..., None]
     length = np.linalg.norm(side, axis=2, keepdims=True)
     side /= np.maximum(length, 1e-300)
@@ -184,6 +189,6 @@ def _merged(owners: list[np.ndarray], pieces: list[np.ndarray]) -> tuple[np.ndar
     corners = np.concatenate([p[:, m] for p, m in zip(pieces, members, strict=True)])
     owner = np.concatenate(owners)
     local = corners - corners[:, :1]
-    area = np.linalg.norm(np.cross(local, np.roll(local, -1, 1)).sum(1), axis=1)
+    area = np.linalg.norm(cross(local, following(local)).sum(1), axis=1)
     keep = area > 1e-14 * np.abs(corners).max((1, 2), initial=1e-30) ** 2
     return owner[keep], corners[keep]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .polygons import clip_half
+from .vectors import cross, following
 
 
 def kernel(a: np.ndarray, normal_a: np.ndarray, b: np.ndarray, normal_b: np.ndarray) -> np.ndarray:
@@ -44,10 +45,10 @@ def lambert(points: np.ndarray, normals: np.ndarray, polygons: np.ndarray) -> np
 
 def edge_sum(corners: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """Lambert's sum (n,) over the edges of polygons (n, k, 3) given relative to the points, all in front of them."""
-    following = np.roll(corners, -1, 1)
-    cross = np.cross(corners, following)
-    sine = np.linalg.norm(cross, axis=2)
-    angle = np.arctan2(sine, np.einsum("nkd,nkd->nk", corners, following))
+    ahead = following(corners)
+    normal = cross(corners, ahead)
+    sine = np.sqrt(np.einsum("nkd,nkd->nk", normal, normal))
+    angle = np.arctan2(sine, np.einsum("nkd,nkd->nk", corners, ahead))
     # A corner at the point itself, or an edge seen end on, spans no angle.
     share = np.where(sine > 1e-30, angle / np.maximum(sine, 1e-30), 0.0)
-    return np.abs(np.einsum("nkd,nd,nk->n", cross, normals, share)) / (2 * np.pi)
+    return np.abs(np.einsum("nkd,nd,nk->n", normal, normals, share)) / (2 * np.pi)
