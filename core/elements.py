@@ -100,8 +100,7 @@ class Forest:
         parents = elements[(self.children[elements] < 0).all(1)]
         if not len(parents):
             return
-        width, height = self.box[parents, 2], self.box[parents, 3]
-        first = np.where(width > SQUARISH * height, 4, np.where(height > SQUARISH * width, 6, 0))
+        first = self.first_slot(parents)
         slot, owner = ragged(first, np.where(first == 0, 4, 2))
         parent = parents[owner]
         place = basis.SLOTS[slot]
@@ -184,7 +183,7 @@ class Forest:
             y = (evaluate[:, :, 1] / np.sqrt(3) + 1) / 2
         else:
             x = y = np.full(evaluate.shape[:2], 0.5)
-        slot0 = self._first_slot(parents)[:, None]
+        slot0 = self.first_slot(parents)[:, None]
         east, north = (x > 0.5).astype(int), (y > 0.5).astype(int)
         index = np.where(slot0 == 4, east, np.where(slot0 == 6, north, east + 2 * north))
         child = np.take_along_axis(self.children[parents], index, 1)
@@ -194,7 +193,12 @@ class Forest:
         self._pull_child.extend(child)
         self._pull_basis.extend(basis.evaluate(self.order, local))
 
-    def _first_slot(self, parents: np.ndarray) -> np.ndarray:
+    def cut(self, elements: np.ndarray) -> np.ndarray:
+        """(n,) bool: the region covers the element in part."""
+        return self._matrix.view()[elements] > 0
+
+    def first_slot(self, parents: np.ndarray) -> np.ndarray:
+        """(n,) place of the first child, a row of ``basis.SLOTS``: 0 quarters, 4 halves along u, 6 halves along v."""
         width, height = self.box[parents, 2], self.box[parents, 3]
         return np.where(width > SQUARISH * height, 4, np.where(height > SQUARISH * width, 6, 0))
 
@@ -222,57 +226,21 @@ class Forest:
         out[partial] = np.einsum("nm,nmc->nc", self._mean.view()[matrix[partial]], coefficients[partial])
         return out
 
-    def push(self, coefficients: np.ndarray, elements: np.ndarray | None = None) -> np.ndarray:
-        """Total at every element (n, m, c): its own coefficients plus what its ancestors hold, root to leaf. Exact.
+    def push(self, coefficients: np.ndarray) -> np.ndarray:
+        """Total at every element (E, m, c): its own coefficients plus what its ancestors hold, root to leaf. Exact."""
+        everything = np.arange(len(self))
+        return Subtrees(self, everything, everything).push(coefficients)
 
-        elements : (n,) whole trees with parents before children (by level); None for all elements in order of their ids.
+    def pull(self, coefficients: np.ndarray) -> np.ndarray:
+        """Coefficients (E, m, c) of every element from those of the leaves below it; the mean is kept to rounding."""
+        everything = np.arange(len(self))
+        return Subtrees(self, everything, everything).pull(coefficients)
+
+    def pull_cut(self, parents: np.ndarray, place: np.ndarray, total: np.ndarray) -> np.ndarray:
+        """Coefficients (n, m, c) of partly covered ``parents``, fitted at their nodes to the children under them.
+
+        place : (E,) where each child stands among the coefficients ``total`` (.., m, c)
         """
-        elements, place = self._order(elements)
-        total = coefficients.copy()
-        filters = basis.two_scale(self.order).astype(total.dtype)
-        level = self.level[elements]
-        for depth in range(1, int(level.max(initial=0)) + 1):
-            here = np.flatnonzero(level == depth)
-            ids = elements[here]
-            total[here] += np.matmul(filters[self.slot[ids]].transpose(0, 2, 1), total[place[self.parent[ids]]])
-        return total
-
-    def pull(self, coefficients: np.ndarray, elements: np.ndarray | None = None) -> np.ndarray:
-        """Coefficients (n, m, c) of every element from those of the leaves below it; the mean is kept to rounding.
-
-        elements : as for :meth:`push`.
-        """
-        elements, place = self._order(elements)
-        total = coefficients.copy()
-        filters = basis.two_scale(self.order).astype(total.dtype)
-        level, matrix = self.level[elements], self._matrix.view()[elements]
-        inner = (self.children[elements] >= 0).any(1)
-        for depth in range(int(level.max(initial=0)) - 1, -1, -1):
-            at = inner & (level == depth)
-            full = np.flatnonzero(at & (matrix == 0))
-            if len(full):
-                first = self._first_slot(elements[full])
-                total[full] = 0
-                for k in range(4):
-                    has = (first == 0) | (k < 2)
-                    child = place[self.children[elements[full[has]], k]]
-                    share = np.where(first[has] == 0, 0.25, 0.5).astype(total.dtype)
-                    total[full[has]] += share[:, None, None] * np.matmul(filters[first[has] + k], total[child])
-            partial = np.flatnonzero(at & (matrix > 0))
-            if len(partial):
-                total[partial] = self._pull_partial(elements[partial], total, place)
-        return total
-
-    def _order(self, elements: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-        """The elements, and (E,) where each stands among them."""
-        if elements is None:
-            everything = np.arange(len(self))
-            return everything, everything
-        place = np.zeros(len(self), np.int64)
-        place[elements] = np.arange(len(elements))
-        return elements, place
-
-    def _pull_partial(self, parents, total, place):
         row = self._pull_row.view()[parents]
         child, values = self._pull_child.view()[row], self._pull_basis.view()[row].astype(total.dtype)
         nodes = np.einsum("nqm,nqmc->nqc", values, total[place[np.maximum(child, 0)]]) * (child >= 0)[..., None]
@@ -317,3 +285,63 @@ class Forest:
         row = np.concatenate([full, cut[owner]])
         order = np.argsort(row, kind="stable")
         return row[order], np.concatenate([rectangle, clipped])[order]
+
+
+class Subtrees:
+    """Push and pull on some trees of a forest: the indices of every level, looked up once; good until the next split.
+
+    elements : (n,) whole trees;  place : (E,) where each of them stands in ``elements`` (other entries are not read)
+    """
+
+    def __init__(self, forest: Forest, elements: np.ndarray, place: np.ndarray):
+        self._forest, self._place = forest, place
+        level = forest.level[elements]
+        depth = int(level.max(initial=0))
+        by_level = np.argsort(level, kind="stable").astype(np.int32)
+        start = np.searchsorted(level[by_level], np.arange(depth + 2))
+        inner = (forest.children[elements] >= 0).any(1)
+        self._down, self._up = [], []
+        for k in range(1, depth + 1):
+            here = by_level[start[k] : start[k + 1]]
+            ids = elements[here]
+            self._down.append((here, self._place[forest.parent[ids]], forest.slot[ids]))
+        for k in range(depth - 1, -1, -1):
+            here = by_level[start[k] : start[k + 1]]
+            self._up.append(self._upward(elements, here[inner[here]]))
+
+    def _upward(self, elements: np.ndarray, at: np.ndarray) -> tuple:
+        """Parents ``at`` of one level: whole ones, their children with slots and shares by position in the parent, and cut ones."""
+        forest = self._forest
+        cut = forest.cut(elements[at])
+        full = at[~cut]
+        parents = elements[full]
+        first = forest.first_slot(parents)
+        parts = []
+        for k in range(4):
+            has = np.flatnonzero((first == 0) | (k < 2))
+            if len(has):
+                child = self._place[forest.children[parents[has], k]]
+                parts.append((has, child, first[has] + k, np.where(first[has] == 0, 0.25, 0.5)))
+        return full, parts, at[cut], elements[at[cut]]
+
+    def push(self, coefficients: np.ndarray) -> np.ndarray:
+        """Total at every element (n, m, c): its own coefficients plus what its ancestors hold, root to leaf. Exact."""
+        total = coefficients.copy()
+        filters = basis.two_scale(self._forest.order).astype(total.dtype).transpose(0, 2, 1)
+        for here, parent, slot in self._down:
+            total[here] += np.matmul(filters[slot], total[parent])
+        return total
+
+    def pull(self, coefficients: np.ndarray) -> np.ndarray:
+        """Coefficients (n, m, c) of every element from those of the leaves below it; the mean is kept to rounding."""
+        total = coefficients.copy()
+        filters = basis.two_scale(self._forest.order).astype(total.dtype)
+        for full, parts, cut, ids in self._up:
+            if len(full):
+                above = np.zeros((len(full), *total.shape[1:]), total.dtype)
+                for has, child, slot, share in parts:
+                    above[has] += share.astype(total.dtype)[:, None, None] * np.matmul(filters[slot], total[child])
+                total[full] = above
+            if len(cut):
+                total[cut] = self._forest.pull_cut(ids, self._place, total)
+        return total

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .elements import Forest
+from .elements import Forest, Subtrees
 from .links import LinkSet
 from .ordering import Candidates, Strategy
 
@@ -67,6 +67,11 @@ class Shooter:
         self._unit, self._gain = unit, gain
         order = np.lexsort((forest.level, unit))
         self._elements = np.split(order, np.searchsorted(unit[order], np.arange(1, units)))
+        self._place = np.zeros(len(forest), np.int32)
+        for own in self._elements:
+            self._place[own] = np.arange(len(own))
+        self._trees = [Subtrees(forest, own, self._place) for own in self._elements]
+        self._gained = forest.leaf & (gain != 1).any(1)
         self._reflectance = forest.regions.reflectance[forest.region].astype(np.float32)
         self._routes = _routes(links, unit, units)
         count = len(forest)
@@ -101,21 +106,21 @@ class Shooter:
     def _take(self, unit: int) -> np.ndarray:
         """Exitance (n, m, 3) that the elements of a unit have not shot, now taken as shot."""
         own = self._elements[unit]
-        forest = self._forest
+        forest, trees = self._forest, self._trees[unit]
         received = forest.from_nodes(own, self._gathered[own])
         received[:, 0] += self._constant[own]
         self._gathered[own] = 0
         self._constant[own] = 0
         self._total[own] += received
-        light = self._corrected(forest.push(received, own), own)
+        light = self._corrected(trees.push(received), own)
         if self._fresh[unit]:
             light = light + self._first[own]
             self._fresh[unit] = False
-        return forest.pull(light * self._reflectance[own][:, None], own)
+        return trees.pull(light * self._reflectance[own][:, None])
 
     def _corrected(self, light: np.ndarray, elements: np.ndarray) -> np.ndarray:
         """Irradiance (n, m, 3) of elements times the gain at their nodes; only leaves matter, the others are pulled from them."""
-        leaf = np.flatnonzero(self._forest.leaf[elements] & (self._gain[elements] != 1).any(1))
+        leaf = np.flatnonzero(self._gained[elements])
         ids = elements[leaf]
         light[leaf] = self._forest.from_nodes(ids, self._forest.at_nodes(ids, light[leaf]) * self._gain[ids, :, None])
         return light
@@ -127,15 +132,13 @@ class Shooter:
         flux = power.sum(1)
         self.shot[unit] += self.unshot[unit]
         self.unshot[unit] = 0
-        place = np.full(len(forest), -1)
-        place[own] = np.arange(len(own))
         for route in self._routes[unit]:
             links, rows = route.links, route.rows
             source = links.a if route.reverse else links.b
             exchange = links.exchange[rows]
             if route.reverse:
                 exchange = exchange.transpose(0, 2, 1)
-            at = place[source[rows]]
+            at = self._place[source[rows]]
             sent = power[at] if exchange.shape[2] > 1 else flux[at][:, None]
             light = np.add.reduceat(np.matmul(exchange, sent), route.first, axis=0)
             self._receive(route.receivers, light)

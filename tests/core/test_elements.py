@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from enfilade.core import basis
-from enfilade.core.elements import SQUARISH, Forest
+from enfilade.core.elements import SQUARISH, Forest, Subtrees
 from enfilade.core.regions import merge
 from scenery import box, rectangle, rotation, scene_of, shoelace
 
@@ -206,8 +206,11 @@ def test_push_and_pull_of_some_trees_alone():
     own = rng.normal(size=(len(forest), 4, 1))
     chosen = np.flatnonzero(np.isin(forest.region, [1, 4]))
     chosen = chosen[np.lexsort((rng.random(len(chosen)), forest.level[chosen]))]
-    np.testing.assert_array_equal(forest.push(own[chosen], chosen), forest.push(own)[chosen])
-    np.testing.assert_array_equal(forest.pull(own[chosen], chosen), forest.pull(own)[chosen])
+    place = np.zeros(len(forest), int)
+    place[chosen] = np.arange(len(chosen))
+    trees = Subtrees(forest, chosen, place)
+    np.testing.assert_array_equal(trees.push(own[chosen]), forest.push(own)[chosen])
+    np.testing.assert_array_equal(trees.pull(own[chosen]), forest.pull(own)[chosen])
 
 
 @pytest.mark.parametrize("order", [2, 3])
