@@ -35,6 +35,34 @@ def components(count: int, a: np.ndarray, b: np.ndarray) -> np.ndarray:
             return np.unique(label, return_inverse=True)[1]
 
 
+def morton(place: np.ndarray) -> np.ndarray:
+    """(n,) int64 position of places (n, 3) along a Morton curve through the cube around them, 1024 cells a side."""
+    if not len(place):
+        return np.zeros(0, np.int64)
+    offset = (place - place.min(0)).astype(np.float64)
+    cell = np.minimum(offset * (1024 / max(float(offset.max()), 1e-300)), 1023).astype(np.int64)
+    code = np.zeros(len(place), np.int64)
+    for bit in range(10):
+        for axis in range(3):
+            code |= (cell[:, axis] >> bit & 1) << (3 * bit + axis)
+    return code
+
+
+def gathered(parts: list[np.ndarray], place: np.ndarray, weight: np.ndarray, size: float) -> list[np.ndarray]:
+    """Index arrays joined to blocks of summed ``weight`` (n,) up to ``size`` (a heavier one stays by itself), near ones together.
+
+    place : (n, 3) where each part lies; the parts follow each other along a Morton curve through these places
+    """
+    blocks, waiting, total = [], [], 0
+    for k in np.argsort(morton(place), kind="stable"):
+        if waiting and total + weight[k] > size:
+            blocks.append(np.concatenate(waiting))
+            waiting, total = [], 0
+        waiting.append(parts[k])
+        total += weight[k]
+    return [*blocks, np.concatenate(waiting)] if waiting else blocks
+
+
 class GrowingArray:
     """An array that grows at its end in amortised constant time; ``view()`` is the filled part."""
 

@@ -8,6 +8,7 @@ costs a few word operations for 64 blockers (in place of the planes of Haines an
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -120,6 +121,15 @@ class Bodies:
         half = np.abs(self.half_u) + np.abs(self.half_v)
         return (self.centre - half).min(0), (self.centre + half).max(0)
 
+    def balls(self) -> tuple[np.ndarray, np.ndarray]:
+        """Centres (3, n) and radii (n,) of balls around the bodies."""
+        return np.ascontiguousarray(self.centre.T), np.sqrt((self.half_u**2).sum(1) + (self.half_v**2).sum(1))
+
+    def joined(self, other: Bodies) -> Bodies:
+        """These bodies and then the others."""
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return Bodies(*(np.concatenate(pair) for pair in pairs))
+
     def take(self, index: np.ndarray) -> Bodies:
         """The bodies with the given indices."""
         return Bodies(self.centre[index], self.half_u[index], self.half_v[index], self.normal[index])
@@ -152,8 +162,9 @@ class ShaftIndex:
                 np.bitwise_or.at(table, (np.arange(count) // self._step + 1, order >> 3), (128 >> (order & 7)).astype(np.uint8))
                 tables.append((ends[order], np.bitwise_or.accumulate(table.view(np.uint64), axis=0)))
             self._axes.append((axis, tables))
-        self.middle = blockers.middle
-        self.reach = np.linalg.norm(blockers.corners - self.middle[:, None], axis=2).max(1, initial=0)
+        middle = blockers.middle
+        self.middle = np.ascontiguousarray(middle.T)
+        self.reach = np.linalg.norm(blockers.corners - middle[:, None], axis=2).max(1, initial=0)
 
     def pack(self, bits: np.ndarray) -> np.ndarray:
         """(n, words) uint64 of (n, K) bool."""
@@ -192,16 +203,10 @@ class Shafts:
         for k in range(1, 4):
             np.maximum(top, bodies.normal @ blockers.corners[:, k].T, out=top)
         self._either = index.pack(top <= (np.einsum("ij,ij->i", bodies.centre, bodies.normal) + eps)[:, None])
-        self._centre = np.ascontiguousarray(bodies.centre.T)
-        self._radius = np.sqrt((bodies.half_u**2).sum(1) + (bodies.half_v**2).sum(1))
-        self._middle, self._reach = np.ascontiguousarray(index.middle.T), index.reach
+        self._balls = bodies.balls()
 
-    def crossed(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """(n,) bool: some blocker may stand between bodies a and b (n,)."""
-        return np.concatenate([np.zeros(0, bool), *(left.any(1) for _, left in self._left(a, b))])
-
-    def _left(self, a: np.ndarray, b: np.ndarray):
-        """Blocks of pairs (their first index) with the bits (m, words) of the blockers that nothing rules out."""
+    def left(self, a: np.ndarray, b: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+        """Blocks of pairs of bodies a and b (n,): the first index, and the bits (m, words) of the blockers that nothing rules out."""
         step = max(1, (1 << 22) // (64 * self._index.words))
         for start in range(0, len(a), step):
             i, j = a[start : start + step], b[start : start + step]
@@ -213,43 +218,53 @@ class Shafts:
     def candidates(self, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Blockers that may stand between bodies a and b (n,). Returns rows (pair, blocker), sorted by pair, int64."""
         pairs, found = [], []
-        for start, left in self._left(a, b):
+        for start, left in self.left(a, b):
             i, j = a[start : start + len(left)], b[start : start + len(left)]
             # Most words are empty: only the others are taken apart into their bits.
             pair, word = np.nonzero(left)
             row, bit = np.nonzero(np.unpackbits(left[pair, word][:, None].view(np.uint8), axis=1))
             pair, blocker = pair[row], 64 * word[row] + bit
-            near = self._near_axis(i, j, pair, blocker)
+            near = near_axis(self._index, self._balls, self._balls, (i, j), pair, blocker)
             pairs.append(pair[near] + start)
             found.append(blocker[near])
         return (np.concatenate(pairs), np.concatenate(found)) if pairs else (np.zeros(0, np.int64), np.zeros(0, np.int64))
 
-    def _near_axis(self, a: np.ndarray, b: np.ndarray, pair: np.ndarray, blocker: np.ndarray) -> np.ndarray:
-        """Rows (r,) whose blocker's ball meets the hull of the balls of both bodies, a cone about the line of their centres.
 
-        With slope k = (rb - ra) / L the nearest ball of the cone lies h sqrt(1 - k**2) - r(foot) away from a point at
-        height h over the line; where one ball holds the other (k >= 1) every row stays.
-        """
-        axis = self._centre[:, b] - self._centre[:, a]
-        length = np.sqrt((axis * axis).sum(0))
-        ra = self._radius[a]
-        slope = (self._radius[b] - ra) / np.maximum(length, 1e-12)
-        axis /= np.maximum(length, 1e-12)
-        shrink = np.sqrt(np.maximum(1 - slope * slope, 0))
-        shrink *= 1 - np.float32(1e-4)  # room for the rounding of what follows
-        along = height2 = np.float32(0)
-        base = self._centre[:, a]
-        for k in range(3):
-            offset = self._middle[k][blocker]
-            offset -= base[k][pair]
-            along = along + offset * axis[k][pair]
-            offset *= offset
-            height2 = height2 + offset
-        height2 -= along * along
-        along *= slope[pair]
-        along += ra[pair]
-        along += self._reach[blocker]
-        return np.flatnonzero(np.sqrt(np.maximum(height2, 0)) * shrink[pair] <= along)
+def near_axis(
+    index: ShaftIndex,
+    a: tuple[np.ndarray, np.ndarray],
+    b: tuple[np.ndarray, np.ndarray],
+    ends: tuple[np.ndarray, np.ndarray],
+    pair: np.ndarray,
+    blocker: np.ndarray,
+) -> np.ndarray:
+    """Rows (r,) of (pair, blocker) whose blocker's ball meets the hull of the balls of both bodies, a cone about the line of their centres.
+
+    a, b : centres (3, n) and radii (n,) float32 of the balls on either side;  ends : (m,) the balls of each pair.
+    With slope k = (rb - ra) / L the nearest ball of the cone lies h sqrt(1 - k**2) - r(foot) away from a point at
+    height h over the line; where one ball holds the other (k >= 1) every row stays.
+    """
+    (centre_a, radius_a), (centre_b, radius_b), (i, j) = a, b, ends
+    base = centre_a[:, i]
+    axis = centre_b[:, j] - base
+    length = np.sqrt((axis * axis).sum(0))
+    ra = radius_a[i]
+    slope = (radius_b[j] - ra) / np.maximum(length, 1e-12)
+    axis /= np.maximum(length, 1e-12)
+    shrink = np.sqrt(np.maximum(1 - slope * slope, 0))
+    shrink *= 1 - np.float32(1e-4)  # room for the rounding of what follows
+    along = height2 = np.float32(0)
+    for k in range(3):
+        offset = index.middle[k][blocker]
+        offset -= base[k][pair]
+        along = along + offset * axis[k][pair]
+        offset *= offset
+        height2 = height2 + offset
+    height2 -= along * along
+    along *= slope[pair]
+    along += ra[pair]
+    along += index.reach[blocker]
+    return np.flatnonzero(np.sqrt(np.maximum(height2, 0)) * shrink[pair] <= along)
 
 
 @dataclass(frozen=True)
@@ -257,7 +272,7 @@ class Cuts:
     """Which segments between two sets of points of n pairs are cut.
 
     hidden : (n, i, j) bool, some blocker cuts the segment
-    alone : (n,) bool, one blocker cuts all segments of the pair: being convex it hides everything between the points too
+    alone : (n,) int64, a blocker that cuts all segments of the pair, -1 without: being convex it hides everything between the points too
     """
 
     hidden: np.ndarray
@@ -271,14 +286,14 @@ def cut_segments(blockers: Blockers, pair: np.ndarray, blocker: np.ndarray, a: n
     A segment that ends on the plane of a blocker is not cut by it.
     """
     n, i, j = len(a), a.shape[1], b.shape[1]
-    cuts = Cuts(np.zeros((n, i, j), bool), np.zeros(n, bool))
+    cuts = Cuts(np.zeros((n, i, j), bool), np.full(n, -1))
     flat = cuts.hidden.reshape(n, i * j)
     large = blockers.large[blocker]
     # Large blockers go first: what one of them hides alone needs no more tests. The blockers of both kinds are tested
     # apart: their insides are different inequalities.
     for size, kind in ((True, False), (True, True), (False, False), (False, True)):
         rows = np.flatnonzero((large == size) & (blockers.triangle[blocker] == kind))
-        rows = rows[~cuts.alone[pair[rows]]]
+        rows = rows[cuts.alone[pair[rows]] < 0]
         step = max(1, _BLOCK // (i * j))
         for start in range(0, len(rows), step):
             here = rows[start : start + step]
@@ -286,7 +301,8 @@ def cut_segments(blockers: Blockers, pair: np.ndarray, blocker: np.ndarray, a: n
             cut = _cut(blockers, k, a[p], b[p], kind).reshape(i * j, len(here))
             first = np.flatnonzero(np.r_[True, p[1:] != p[:-1]])
             flat[p[first]] |= np.logical_or.reduceat(cut, first, axis=1).T
-            cuts.alone[p[first]] |= np.logical_or.reduceat(cut.all(0), first)
+            every = cut.all(0)
+            cuts.alone[p[every]] = k[every]
     return cuts
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
+from itertools import groupby
 
 import numpy as np
 
@@ -17,8 +18,9 @@ from . import transport
 from .building import Building
 from .elements import Forest
 from .links import LinkSet, joined
-from .occlusion import Blockers, Bodies, Cuts, ShaftIndex, Shafts, cut_segments
+from .occlusion import Bodies, Cuts, ShaftIndex, Shafts, cut_segments
 from .parallel import ordered_map
+from .sightlines import Scope, scopes_of
 
 # Relative errors of one exchange, in the mean square over the receiver, for elements of radius r at distance d: the second
 # derivative of the kernel leaves 0.3 (r/d)**2 of a linear function, the first 0.8 r/d of a constant; a node in place of a
@@ -59,9 +61,9 @@ class Linking:
 
 @dataclass(frozen=True)
 class _Block:
-    """Pairs of elements of one start: a group of clusters and a room that it sees, which share the blockers between them."""
+    """Pairs of elements of one scope."""
 
-    start: int
+    scope: Scope
     a: np.ndarray
     b: np.ndarray
 
@@ -80,15 +82,13 @@ def link(building: Building, forest: Forest, estimate: Estimate, min_size: float
 
     min_size : metres, elements are not split below it
     """
-    starts = [start for group in _cluster_groups(building) for start in _first_pairs(building, group)]
-    obstacles = [_obstacles(building, *start) for start in starts]
-    blocks = [block for k, (_, a, b) in enumerate(starts) for block in _blocks_of(k, a, b)]
+    blocks = [block for scope in scopes_of(building) for block in _blocks_of(scope, scope.a, scope.b)]
     links, dropped, tests, rounds = [], 0.0, 0, 0
     while blocks:
         outcomes = []
 
         def treat(block: _Block, estimate=estimate) -> _Outcome:
-            return _treat(forest, obstacles[block.start], estimate, min_size, block)
+            return _treat(forest, estimate, min_size, block)
 
         for outcome in ordered_map(treat, blocks, workers):
             outcomes.append(outcome)
@@ -99,7 +99,7 @@ def link(building: Building, forest: Forest, estimate: Estimate, min_size: float
         tests += sum(o.segment_tests for o in outcomes)
         forest.split(np.concatenate([o.split_a[0] for o in outcomes] + [o.split_b[1] for o in outcomes]))
         estimate = _inherited(estimate, forest)
-        blocks = [child for block, o in zip(blocks, outcomes, strict=True) for child in _blocks_of(block.start, *_children(forest, o))]
+        blocks = _next(forest, blocks, outcomes)
     yield Linking(links, dropped, tests)
 
 
@@ -111,59 +111,19 @@ def _inherited(estimate: Estimate, forest: Forest) -> Estimate:
     return Estimate(exitance, slope, estimate.tolerance)
 
 
-def _cluster_groups(building: Building) -> list[np.ndarray]:
-    """Clusters of one room in groups of a few, so that small clusters share the overhead of a block."""
-    clusters = building.clusters
-    size = np.diff(clusters.start)
-    order = np.argsort(clusters.room, kind="stable")
-    room = clusters.room[order]
-    fresh = np.r_[True, room[1:] != room[:-1]]
-    run = np.flatnonzero(fresh)[np.cumsum(fresh) - 1]
-    total = np.cumsum(size[order])
-    part = (total - total[run]) // 256
-    cut = np.flatnonzero(fresh | np.r_[False, part[1:] != part[:-1]])
-    return np.split(order, cut[1:])
+def _blocks_of(scope: Scope, a: np.ndarray, b: np.ndarray) -> list[_Block]:
+    return [_Block(scope, a[k : k + BLOCK_PAIRS], b[k : k + BLOCK_PAIRS]) for k in range(0, len(a), BLOCK_PAIRS)]
 
 
-def _first_pairs(building: Building, group: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Clusters in the PVS of ``group`` and root elements (equal to regions) of pairs of regions, for each room that the group sees.
-
-    Every pair of regions whose clusters see each other comes once in all groups: where its lesser cluster is in the group.
-    """
-    own, other = [], []
-    for cluster in group:
-        near = building.graph.neighbours(int(cluster))
-        mine = building.regions_of(np.array([cluster]))[0]
-        theirs = building.regions_of(near[near > cluster])[0]
-        i, j = np.triu_indices(len(mine), 1)
-        own += [np.repeat(mine, len(theirs)), mine[i]]
-        other += [np.tile(theirs, len(mine)), mine[j]]
-    a, b = np.concatenate(own).astype(np.int32), np.concatenate(other).astype(np.int32)
-    room = building.regions.room[b]
-    order = np.argsort(room, kind="stable")
-    cuts = np.flatnonzero(np.diff(room[order])) + 1
-    nearby = building.surroundings(group)
-    return [(nearby, a[rows], b[rows]) for rows in np.split(order, cuts) if len(rows)]
-
-
-@dataclass(frozen=True)
-class _Obstacles:
-    """What lies between two sets of regions: blockers, and the portals of either room that a segment must pass (none in one room)."""
-
-    blockers: Blockers
-    doors: tuple[ShaftIndex, ...]
-
-
-def _obstacles(building: Building, nearby: np.ndarray, a: np.ndarray, b: np.ndarray) -> _Obstacles:
-    ends = np.concatenate([a, b])
-    low, high = building.regions.box_min[ends].min(0), building.regions.box_max[ends].max(0)
-    rooms = building.regions.room[a[0]], building.regions.room[b[0]]
-    doors = () if rooms[0] == rooms[1] else tuple(ShaftIndex(building.doors.of_room(room)) for room in rooms)
-    return _Obstacles(building.blockers_between(nearby, low, high), doors)
-
-
-def _blocks_of(start: int, a: np.ndarray, b: np.ndarray) -> list[_Block]:
-    return [_Block(start, a[k : k + BLOCK_PAIRS], b[k : k + BLOCK_PAIRS]) for k in range(0, len(a), BLOCK_PAIRS)]
+def _next(forest: Forest, blocks: list[_Block], outcomes: list[_Outcome]) -> list[_Block]:
+    """Blocks of the pairs that were split; those of one scope share blocks."""
+    following = []
+    for _, same in groupby(zip(blocks, outcomes, strict=True), lambda pair: id(pair[0].scope)):
+        group = list(same)
+        sides = [_children(forest, outcome) for _, outcome in group]
+        a, b = (np.concatenate(side) for side in zip(*sides, strict=True))
+        following += _blocks_of(group[0][0].scope, a, b)
+    return following
 
 
 def _children(forest: Forest, outcome: _Outcome) -> tuple[np.ndarray, np.ndarray]:
@@ -217,10 +177,11 @@ class _Pairs:
         return _Pairs(*(getattr(self, f.name)[rows] for f in fields(self)))
 
 
-def _treat(forest: Forest, obstacles: _Obstacles, estimate: Estimate, min_size: float, block: _Block) -> _Outcome:
+def _treat(forest: Forest, estimate: Estimate, min_size: float, block: _Block) -> _Outcome:
     elements, index = np.unique(np.concatenate([block.a, block.b]), return_inverse=True)
     bodies, radius = _bodies(forest, elements)
-    ia, ib = _open_pairs(bodies, obstacles, index[: len(block.a)], index[len(block.a) :])
+    scope = block.scope
+    ia, ib = _open_pairs(forest, elements, bodies, scope, index[: len(block.a)], index[len(block.a) :])
     pairs, dropped = _worthwhile(
         _assess(forest, estimate, elements, bodies, radius, ia, ib), forest.area[elements], estimate, elements, forest
     )
@@ -230,7 +191,7 @@ def _treat(forest: Forest, obstacles: _Obstacles, estimate: Estimate, min_size: 
     links, tests = [], 0
     points = _points(forest, elements, bodies)
     left = np.unique(np.concatenate([pairs.ia, pairs.ib]))
-    shafts = ShaftIndex(obstacles.blockers.within(*bodies.take(left).box()) if len(left) else obstacles.blockers)
+    shafts = ShaftIndex(scope.blockers.within(*bodies.take(left).box()) if len(left) else scope.blockers)
     for one_a, one_b, rows in _modes(pairs, np.flatnonzero(~refine)):
         here = pairs.take(rows)
         nodes = _nodes(forest, elements[here.ia], one_a), _nodes(forest, elements[here.ib], one_b)
@@ -242,7 +203,7 @@ def _treat(forest: Forest, obstacles: _Obstacles, estimate: Estimate, min_size: 
         bad = np.zeros(len(here), bool)
         if not ray:
             bad = can_split[rows] & (here.gain * PARTLY_SEEN * _spread(cuts, pair) > 1)
-            alone = np.flatnonzero(bad & cuts.alone)
+            alone = np.flatnonzero(bad & (cuts.alone >= 0))
             bad[alone] = ~_surely_hidden(forest, shafts.blockers, elements[here.ia[alone]], elements[here.ib[alone]], alone, pair, blocker)
         refine[rows[bad]] = True
         good = np.flatnonzero(~bad & ~cuts.hidden.all((1, 2)))
@@ -253,14 +214,14 @@ def _treat(forest: Forest, obstacles: _Obstacles, estimate: Estimate, min_size: 
     return _Outcome(links, (elements[ia[at_a]], elements[ib[at_a]]), (elements[ia[at_b]], elements[ib[at_b]]), dropped, tests)
 
 
-def _open_pairs(bodies: Bodies, obstacles: _Obstacles, ia: np.ndarray, ib: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _open_pairs(
+    forest: Forest, elements: np.ndarray, bodies: Bodies, scope: Scope, ia: np.ndarray, ib: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """The pairs that face each other and, in different rooms, meet a portal of either room."""
-    facing = _face_each_other(bodies, ia, ib, obstacles.blockers.clearance)
+    facing = _face_each_other(bodies, ia, ib, scope.blockers.clearance)
     ia, ib = ia[facing], ib[facing]
-    for doors in obstacles.doors:
-        passes = Shafts(bodies, doors).crossed(ia, ib)
-        ia, ib = ia[passes], ib[passes]
-    return ia, ib
+    passes = scope.passages.open(bodies, scope.room[forest.region[elements]], ia, ib)
+    return ia[passes], ib[passes]
 
 
 def _assess(forest: Forest, estimate: Estimate, elements, bodies: Bodies, radius: np.ndarray, ia: np.ndarray, ib: np.ndarray) -> _Pairs:
@@ -342,7 +303,7 @@ def _surely_hidden(forest, blockers, a, b, chosen, pair, blocker) -> np.ndarray:
     place = np.full(int(pair.max(initial=-1)) + 1, -1)
     place[chosen] = np.arange(len(chosen))
     mine = place[pair] >= 0
-    return cut_segments(blockers, place[pair[mine]], blocker[mine], forest.corners(a), forest.corners(b)).alone
+    return cut_segments(blockers, place[pair[mine]], blocker[mine], forest.corners(a), forest.corners(b)).alone >= 0
 
 
 def _face_each_other(bodies: Bodies, ia: np.ndarray, ib: np.ndarray, clearance: float) -> np.ndarray:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from enfilade.core.direct import direct_light, luminaires_of, point_blocks
+from enfilade.core.direct import PATCH, direct_light, luminaires_of, patch_blocks, patches_of
 from enfilade.core.transport import lambert
 from scenery import box, building_of, portals_of, rectangle, rotation, scene_of
 
@@ -124,18 +124,41 @@ def test_light_through_a_door_and_none_through_the_wall():
     assert (found[expected == 0] < 1e-3 * expected.max()).all()
 
 
-def test_blocks_hold_every_point_once_and_neighbours_together():
-    scene = scene_of([f + [10 * k, 0, 0] for k in range(3) for f in box()], room=np.repeat([0, 1, 2], 6))
-    building = building_of(scene)
+def test_patches_hold_every_point_once_and_neighbours_on_one_region():
+    building = building_of(scene_of([f + [10 * k, 0, 0] for k in range(3) for f in box()], room=np.repeat([0, 1, 2], 6)))
     region = np.random.default_rng(0).integers(0, 18, 1000)
-    points = np.random.default_rng(1).random((1000, 3)) * [1, 9, 1]
-    blocks = point_blocks(building, region, points, 128)
-    assert sorted(np.concatenate(blocks).tolist()) == list(range(1000))
+    uv = np.random.default_rng(1).random((1000, 2))
+    points = building.regions.world(region, uv).astype(np.float32)
+    patches = patches_of(building.regions, points, region)
+    assert sorted(patches.order.tolist()) == list(range(1000))
+    size = np.diff(patches.start)
+    assert set(size.tolist()) <= set(range(1, PATCH + 1))
+    assert PATCH in size
+    owner = np.repeat(np.arange(len(size)), size)
+    np.testing.assert_array_equal(region[patches.order], patches.region[owner])
+    # Every point lies in the rectangle of its patch, and the rectangles are small.
+    offset = points[patches.order] - patches.bodies.centre[owner]
+    for half in (patches.bodies.half_u, patches.bodies.half_v):
+        reach = np.linalg.norm(half, axis=1)[owner]
+        along = np.abs(np.einsum("ij,ij->i", offset, half[owner] / np.maximum(reach, 1e-9)[:, None]))
+        assert (along <= reach + 1e-5).all()
+    assert np.median(np.linalg.norm(patches.bodies.half_u, axis=1)) < 0.35
+    assert (np.abs(np.einsum("ij,ij->i", offset, patches.bodies.normal[owner])) < 1e-5).all()
+
+
+def test_blocks_hold_every_patch_once_and_neighbours_together():
+    building = building_of(scene_of([f * [1, 9, 1] + [10 * k, 0, 0] for k in range(3) for f in box()], room=np.repeat([0, 1, 2], 6)))
+    region = np.random.default_rng(0).integers(0, 18, 4000)
+    points = building.regions.world(region, np.random.default_rng(1).random((4000, 2)) * building.regions.size[region]).astype(np.float32)
+    patches = patches_of(building.regions, points, region)
+    blocks = patch_blocks(building, patches, 128)
+    assert sorted(np.concatenate(blocks).tolist()) == list(range(len(patches.region)))
     for block in blocks:
-        assert len(block) <= 128
-        assert len(set(building.regions.room[region[block]])) == 1
-        assert np.ptp(points[block, 1]) < 9 * 0.45  # three blocks a room, along its longest side
-    assert point_blocks(building, np.zeros(0, int), np.zeros((0, 3))) == []
+        assert np.diff(patches.start)[block].sum() <= 128
+        assert len(set(building.regions.room[patches.region[block]])) == 1
+        assert np.ptp(patches.bodies.centre[block, 1]) < 2  # along the longest side of the room
+    # Small rooms share a block.
+    assert len(patch_blocks(building, patches, 10000)) == 1
 
 
 def test_no_lamps_and_no_points():

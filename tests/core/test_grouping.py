@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from enfilade.core.grouping import GrowingArray, components, ragged, starts_of
+from enfilade.core.grouping import GrowingArray, components, gathered, morton, ragged, starts_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -76,3 +76,24 @@ def test_a_growing_array_holds_what_was_put_in(shape):
         np.testing.assert_array_equal(array.view(), expected)
     array.view()[3] = 7
     assert (array.view()[3] == 7).all()
+
+
+def test_a_morton_curve_visits_the_eighths_of_a_cube_one_after_another():
+    place = np.random.default_rng(0).random((2000, 3)) * 7 - 3
+    order = np.argsort(morton(place), kind="stable")
+    middle = 0.5 * (place.min(0) + place.min(0) + np.ptp(place, axis=0).max())
+    eighth = ((place > middle) * [1, 2, 4]).sum(1)[order]
+    assert eighth.tolist() == sorted(eighth.tolist())
+    assert morton(np.zeros((0, 3))).tolist() == []
+    assert morton(np.full((4, 3), 5.0)).tolist() == [0] * 4  # all in one place
+
+
+@given(st.lists(st.integers(1, 9), max_size=20), st.integers(1, 15))
+@settings(max_examples=60, deadline=None)
+def test_gathered_blocks_hold_every_member_once_within_the_size(weights, size):
+    parts = list(np.split(np.arange(sum(weights)), np.cumsum(weights)[:-1])) if weights else []
+    place = np.random.default_rng(1).random((len(weights), 3))
+    blocks = gathered(parts, place, np.array(weights), size)
+    assert sorted(k for block in blocks for k in block.tolist()) == list(range(sum(weights)))
+    single = {tuple(p.tolist()) for p in parts}
+    assert all(len(block) <= size or tuple(block.tolist()) in single for block in blocks)

@@ -1,0 +1,95 @@
+"""Which pairs of surfaces may see each other at all, and what can stand between them: the work of the oracle, cut into scopes.
+
+The pairs of a few small rooms, or of a part of a large one, make one scope; those of a group of clusters and all that
+it sees in other rooms make another, since much more lies between them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .building import Building
+from .grouping import ragged
+from .occlusion import Blockers
+from .passages import Passages
+
+WITHIN, BETWEEN = 384, 128
+"""Regions whose pairs within their rooms, and with other rooms, make one scope."""
+
+
+@dataclass(frozen=True)
+class Scope:
+    """Pairs of regions whose clusters see each other, each pair of the building in one scope.
+
+    a, b : (n,) int32 regions;  room : (G,) of every region
+    blockers : all that a segment between such a pair can meet;  passages : what it must pass between rooms
+    """
+
+    a: np.ndarray
+    b: np.ndarray
+    room: np.ndarray
+    blockers: Blockers
+    passages: Passages
+
+
+def scopes_of(building: Building) -> list[Scope]:
+    """The scopes of a building, in a fixed order."""
+    scopes = []
+    for group in _groups(building, WITHIN):
+        scopes += _scope(building, group, *_pairs(building, group, True))
+    for group in _groups(building, BETWEEN):
+        scopes += _scope(building, group, *_pairs(building, group, False))
+    return scopes
+
+
+def _scope(building: Building, group: np.ndarray, a: np.ndarray, b: np.ndarray) -> list[Scope]:
+    if not len(a):
+        return []
+    regions, ends = building.regions, np.unique(np.concatenate([a, b]))
+    low, high = regions.box_min[ends].min(0), regions.box_max[ends].max(0)
+    blockers = building.blockers_between(building.surroundings(group), low, high)
+    return [Scope(a, b, regions.room, blockers, Passages(building.doors, regions.room[ends]))]
+
+
+def _groups(building: Building, size: int) -> list[np.ndarray]:
+    """Clusters in groups of about ``size`` regions, neighbours in the order of their rooms; a group ends with its room where it can."""
+    clusters = building.clusters
+    order = np.argsort(clusters.room, kind="stable")
+    room, count = clusters.room[order], np.diff(clusters.start)[order]
+    begin = np.flatnonzero(np.r_[True, room[1:] != room[:-1]])
+    groups, waiting, total = [], [], 0
+    for rows in np.split(np.arange(len(order)), begin[1:]):
+        number = int(count[rows].sum())
+        if waiting and total + number > size:
+            groups.append(np.concatenate(waiting))
+            waiting, total = [], 0
+        if number > size:  # a large room is cut by itself
+            part = np.cumsum(count[rows]) * (-(-number // size)) // (number + 1)
+            groups += [order[rows[part == k]] for k in np.unique(part)]
+        else:
+            waiting.append(order[rows])
+            total += number
+    return groups + ([np.concatenate(waiting)] if waiting else [])
+
+
+def _pairs(building: Building, group: np.ndarray, within: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs of regions, the first in ``group``, whose clusters see each other, in one room or in different ones.
+
+    Every pair comes once in all groups: where its lesser cluster is in the group.
+    """
+    room, start = building.clusters.room, building.clusters.start
+    own, other = [], []
+    for cluster in group:
+        near = building.graph.neighbours(int(cluster))
+        near = near[(near > cluster) & ((room[near] == room[cluster]) == within)]
+        mine = building.clusters.members[start[cluster] : start[cluster + 1]]
+        theirs = building.clusters.members[ragged(start[near], np.diff(start)[near])[0]]
+        own.append(np.repeat(mine, len(theirs)))
+        other.append(np.tile(theirs, len(mine)))
+        if within:
+            i, j = np.triu_indices(len(mine), 1)
+            own.append(mine[i])
+            other.append(mine[j])
+    return np.concatenate(own).astype(np.int32), np.concatenate(other).astype(np.int32)
