@@ -54,7 +54,6 @@ def inspect(context: bpy.types.Context) -> Inspection:
     scene = extraction.scene
     options = read_options(context.scene.enfilade.solve, Options, extraction.metres_per_unit)
     surfaces = merge(scene)
-    surfaces = uncover(surfaces, blockers_of(surfaces))
     items = items_of(surfaces)
     clusters = cluster_as_chosen(items, scene.room_count, options, np.random.default_rng(options.seed))
     graph, findings = build_as_chosen(clusters, items, scene.portals, scene.room_names, options)
@@ -170,5 +169,5 @@ def _triangles(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 def _shown(scene: Scene, context: bpy.types.Context) -> np.ndarray:
     """(objects,) bool: no object of that name is hidden in the viewport; instances have names of their own and count as shown."""
-    things = context.scene.objects
-    return np.array([name not in things or things[name].visible_get(view_layer=context.view_layer) for name in scene.object_names])
+    hidden = {thing.name for thing in context.scene.objects if not thing.visible_get(view_layer=context.view_layer)}
+    return np.array([name not in hidden for name in scene.object_names])

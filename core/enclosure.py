@@ -64,11 +64,15 @@ def enclosing_room(
     # Points with the same candidates share the triangles that their rays can meet.
     sets, member = np.unique(candidate[asked], axis=0, return_inverse=True)
     triangle_low, triangle_high = walls.corners.min(axis=1), walls.corners.max(axis=1)
+    by_room = np.argsort(walls.room, kind="stable")
+    start = np.searchsorted(walls.room[by_room], np.arange(len(low) + 1))
     for k, rooms in enumerate(sets):
         chosen = asked[member.reshape(-1) == k]
         lowest, highest = low[rooms].min(axis=0) - margin, high[rooms].max(axis=0) + margin
-        here = (triangle_high >= lowest).all(axis=1) & (triangle_low <= highest).all(axis=1)
-        near = here & ((walls.room < 0) | np.append(rooms, False)[walls.room])
+        # In the order of the triangles, which decides where two of them are met at once.
+        own = [by_room[start[r] : start[r + 1]] for r in np.flatnonzero(rooms)]
+        near = np.sort(np.concatenate([by_room[: start[0]], *own]))
+        near = near[(triangle_high[near] >= lowest).all(axis=1) & (triangle_low[near] <= highest).all(axis=1)]
         out[chosen] = _vote(point[chosen], normal[chosen], walls.corners[near], walls.room[near], len(low))
     return out
 
