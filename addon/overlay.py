@@ -110,8 +110,9 @@ def _draw_legend() -> None:
     blf.enable(0, blf.SHADOW)
     blf.shadow(0, 5, 0.0, 0.0, 0.0, 0.8)
     for color, text in reversed(_content.legend):
-        _swatch(x, y - 2 * scale, 13 * scale, color)
-        _write(x + 22 * scale, y, text)
+        if color is not None:
+            _swatch(x, y - 2 * scale, 13 * scale, color)
+        _write(x + (22 * scale if color is not None else 0), y, text)
         y += step
     _write(x, y + 2 * scale, _content.title)
     blf.disable(0, blf.SHADOW)

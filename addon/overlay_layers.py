@@ -38,11 +38,11 @@ class Layer:
 
 @dataclass(frozen=True)
 class Content:
-    """All layers of one view, in the order of drawing, with what the legend says: a title and (colour, text) rows."""
+    """All layers of one view, in the order of drawing, with what the legend says: a title and rows of a colour, or none, and a text."""
 
     title: str
     layers: tuple[Layer, ...]
-    legend: tuple[tuple[tuple[float, float, float], str], ...] = ()
+    legend: tuple[tuple[tuple[float, float, float] | None, str], ...] = ()
 
 
 def clusters_content(found: Inspection) -> Content:
@@ -70,7 +70,7 @@ def _groups_content(
     cluster = found.cluster_of[found.polygon]
     surfaces = _surfaces(found, cluster >= 0, colors[of_cluster[cluster]])
     boxes = _boxes(found, low[strong], high[strong], _dark(colors[strong]), 1.5)
-    return Content(title, (surfaces, boxes), (((0.6, 0.6, 0.6), note),))
+    return Content(title, (surfaces, boxes), ((None, note),))
 
 
 def sight_content(found: Inspection, seen: Sight) -> Content:
