@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .building import Building
+from .building import Building, items_of
+from .clustering.quality import as_report, quality_of
 from .elements import Forest
 from .memory import peak_bytes
 from .refinement import Linking
@@ -38,6 +39,8 @@ def report_of(
         "lost_rays": float(lost.max(initial=0.0)),
         "polygons": polygons,
         "clusters": len(building.clusters),
+        "rooms_oscillated": int(building.clusters.oscillated.sum()),
+        "cluster_quality": as_report(quality_of(items_of(regions), building.clusters, graph)),
         "portals": len(building.doors.area),
         "pvs_polygons_max": int(graph.pvs_polygons.max(initial=0)),
         "pvs_polygons_mean": float(graph.pvs_polygons.mean()),

@@ -36,16 +36,17 @@ class Groups:
             self._gather(name)
 
     def _gather(self, name: str) -> None:
-        values, new = self._values[name], getattr(self._items, name)[self._rows]
+        values, new = self._values[name], getattr(self._items, name).take(self._rows, axis=0)
         if name.startswith("box"):
             extreme = np.minimum if name == "box_min" else np.maximum
             values[self._label] = np.inf if name == "box_min" else -np.inf
             extreme.at(values, self._label, new)
             return
         count = np.maximum(np.bincount(self._label, minlength=len(values)), 1)
-        offset = new - values[self._label]  # about where the mean was, so that no digits are lost far from the origin
         for axis in range(3):
-            values[:, axis] += np.bincount(self._label, offset[:, axis], minlength=len(values)) / count
+            # About where the mean was, so that no digits are lost far from the origin.
+            offset = new[:, axis] - values[:, axis].take(self._label)
+            values[:, axis] += np.bincount(self._label, offset, minlength=len(values)) / count
 
 
 class Candidates:

@@ -12,9 +12,9 @@ from .items import ClusterItems
 
 NEAR = 8
 """Clusters that an item chooses among: the one it is in and the nearest to that one."""
-WINDOW = 2048
+WINDOW = 1024
 """Clusters among which the nearest are sought."""
-_PART = 256
+_PART = 128
 
 
 def settle(
@@ -43,7 +43,7 @@ def settle(
         moving = np.flatnonzero(active[room])
         size = BLOCK_PAIRS // NEAR
         for block in (moving[i : i + size] for i in range(0, len(moving), size)):
-            yield block, near[label[block]], False
+            yield block, near.take(label[block], axis=0), False
 
     return iterate(items, rows, start, groups, label, np.diff(cluster_start) > 1, blocks, distance, steps)
 

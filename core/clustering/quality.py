@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -54,6 +54,12 @@ def quality_of(items: ClusterItems, clusters: Clusters, graph: VisibilityGraph) 
         pvs_mean=float(graph.pvs_polygons.mean()) if len(clusters) else 0.0,
         pvs_max=int(graph.pvs_polygons.max(initial=0)),
     )
+
+
+def as_report(quality: ClusterQuality) -> dict:
+    """The figures as plain numbers, the histogram by the least polygons of each bin."""
+    figures = {f.name: getattr(quality, f.name) for f in fields(quality) if f.name != "histogram"}
+    return {**figures, "histogram": dict(zip(map(str, HISTOGRAM_EDGES), quality.histogram.tolist(), strict=True))}
 
 
 def histogram(polygons: np.ndarray) -> np.ndarray:

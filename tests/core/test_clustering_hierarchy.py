@@ -7,6 +7,7 @@ from enfilade.core.clustering import DISTANCE_FUNCTIONS, cluster_items, cluster_
 from enfilade.core.clustering.hierarchy import cluster_numbers
 from enfilade.core.clustering.items import clusters_as_items
 from enfilade.core.clustering.neighbours import nearest_clusters, settle
+from enfilade.core.clustering.quality import void_volume
 from enfilade.core.options import DISTANCES
 from enfilade.core.stage_files import load_stage, save_stage
 
@@ -201,3 +202,44 @@ def test_settling_sees_that_it_swings():
 
     _, steps, again = settle(items, np.arange(4), np.array([0, 4]), np.array([0, 0, 1, 1]), np.array([0, 2]), restless)
     assert (steps.tolist(), again.tolist()) == ([3], [True])
+
+
+def shelves(polygons):
+    """Long thin heaps of very different density in one room, whose size grows with their number."""
+    rng = np.random.default_rng(6)
+    count = polygons // 100
+    places = rng.random((count, 3)) * np.array([30, 30, 6]) * (count / 60) ** (1 / 3)
+    heap = rng.choice(count, polygons, p=(w := rng.random(count) ** 3) / w.sum())
+    return cluster_items_of(scene_of(squares(places[heap] + rng.random((polygons, 3)) * [2.0, 0.3, 0.3], 0.1)))
+
+
+def test_a_divided_room_is_as_good_as_one_clustered_flat():
+    """Volume and void share at most a tenth more."""
+    items = shelves(6000)
+
+    def figures(huge_room):
+        runs = [cluster_items(items, 1, average=50, huge_room=huge_room, rng=np.random.default_rng(seed)) for seed in range(3)]
+        volume = sum(np.prod(c.box_max - c.box_min, axis=1).sum() for c in runs)
+        return volume, sum(void_volume(items, c).sum() for c in runs) / volume
+
+    (divided, void), (flat, flat_void) = figures(0), figures(100_000)
+    assert void <= 1.1 * flat_void
+    assert divided <= 1.1 * flat
+
+
+def test_work_in_a_huge_room_grows_little_faster_than_its_polygons():
+    """Distances that are evaluated, in all: sixteen times the polygons, at most 16 ** 1.2 times the work. The flat way takes 16 ** 2."""
+
+    def work(polygons):
+        evaluated = 0
+
+        def counting(items, rows, candidates):
+            nonlocal evaluated
+            result = DISTANCE_FUNCTIONS["barycenter"](items, rows, candidates)
+            evaluated += result.size
+            return result
+
+        cluster_items(shelves(polygons), 1, average=50, huge_room=1000, distance=counting, rng=np.random.default_rng(0))
+        return evaluated
+
+    assert work(32_000) <= 16**1.2 * work(2000)

@@ -1,12 +1,14 @@
 """Figures of clusters against worked examples."""
 
+import json
+
 import numpy as np
 import pytest
 from cluster_scenes import scene_of
 from enfilade.core import visibility_graph
 from enfilade.core.clustering import Clusters, cluster_items, cluster_items_of
 from enfilade.core.clustering.items import partition
-from enfilade.core.clustering.quality import HISTOGRAM_EDGES, histogram, quality_of, void_volume
+from enfilade.core.clustering.quality import HISTOGRAM_EDGES, as_report, histogram, quality_of, void_volume
 from enfilade.core.scene import Portals
 
 
@@ -34,6 +36,9 @@ def test_figures_by_hand():
     assert found.void_share == pytest.approx(6 / 8)  # two of eight layers are met
     assert (found.pvs_mean, found.pvs_max) == (1.5, 2)
     assert found.histogram[:3].tolist() == [1, 1, 0]
+    report = as_report(found)
+    assert json.loads(json.dumps(report)) == report
+    assert (report["clusters"], report["box_area"], report["histogram"]["1"], report["histogram"]["2"]) == (2, found.box_area, 1, 1)
 
 
 def test_a_slanted_polygon_meets_the_cells_that_its_plane_meets():
