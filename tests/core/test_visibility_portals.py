@@ -14,6 +14,7 @@ from enfilade.core.scene_files import load_scene, save_scene
 from enfilade.core.sight import sight
 from enfilade.core.stage_files import load_stage, save_stage
 from enfilade.core.visibility_graph import VisibilityGraph, build, build_as_chosen
+from enfilade.docs import sightlines
 from scenery import box, portals_of, rectangle, rotation, scene_of
 
 DATA = Path(__file__).resolve().parents[1] / "data"
@@ -297,3 +298,19 @@ def test_clusters_that_are_seen_reach_into_their_volumes():
         planes = seen.planes[seen.window_of[c]]
         centre, half = 0.5 * (clusters.box_min[c] + clusters.box_max[c]), 0.5 * (clusters.box_max[c] - clusters.box_min[c])
         assert (planes[:, :3] @ centre - np.abs(planes[:, :3]) @ half <= planes[:, 3] + 1e-9).all()
+
+
+# ------------------------------------------------------------------------------------------------ brute force
+
+
+@pytest.mark.parametrize("volumes", ["windows", "boxes"])
+@pytest.mark.parametrize("name", ["bench/two_rooms.npz", "bench/office.npz"])
+def test_no_pair_that_rays_join_is_missed(name, volumes):
+    scene = load_scene(DATA / name)
+    items = cluster_items_of(scene)
+    clusters = cluster_items(items, scene.room_count, average=20, rng=np.random.default_rng(0))
+    graph, _ = build(clusters, scene.portals, scene.room_names, volumes, items)
+    a, b = sightlines.pairs_met(scene, clusters.cluster_of, 5000, 3)
+    assert len(a) > 20
+    assert (clusters.room[a] != clusters.room[b]).all()
+    assert graph.sees(a, b).all()
