@@ -27,7 +27,7 @@ from .split_merge import split_and_merge
 HUGE_ROOM = 4000
 """Polygons of a room above which a hierarchy forms its clusters: there it takes half the time of the flat algorithm, for boxes as tight."""
 CHILDREN = (16,)
-"""Most children of a node of this hierarchy: with fewer the boxes are looser, with more it takes longer."""
+"""Most children of a node of this hierarchy; from 8 to 32 neither time nor boxes differ much."""
 SPLIT_MERGE = 2
 """Most rounds of splitting and merging: two bring most of what can be had."""
 
