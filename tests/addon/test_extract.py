@@ -348,3 +348,22 @@ def test_lamps_and_world_are_named(shop):
     assert any("'Sky'" in w for w in warnings)
     assert any("emits light" in w for w in warnings)
     assert len(warnings) == 3
+
+
+def test_a_large_building_comes_back_from_its_file(shop, tmp_path):
+    """Rooms, portals and their rooms, areas and light of a generated building, through the importer and a .blend file."""
+    from enfilade.core.polygons import area_vectors
+    from enfilade.sample_scenes.import_building import write_building
+    from enfilade.sample_scenes.test_scene import scene
+
+    made = scene(1 / 27)
+    write_building(made, tmp_path / "building.blend", 0.0)
+    shop.bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "building.blend"), load_ui=False)
+    found = shop.extract().scene
+    assert found.polygon_count == made.polygon_count
+    assert found.room_names == made.room_names
+    assert sorted(map(tuple, found.portals.rooms)) == sorted(map(tuple, made.portals.rooms))
+    for scene_of in (lambda s: np.bincount(s.room), lambda s: np.bincount(s.room, np.linalg.norm(area_vectors(s), axis=1))):
+        assert np.allclose(scene_of(found), scene_of(made), rtol=1e-5)
+    power = [np.bincount(s.room, np.linalg.norm(area_vectors(s), axis=1) * s.emission.sum(axis=1)) for s in (made, found)]
+    assert np.allclose(*power, rtol=1e-4)

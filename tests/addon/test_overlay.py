@@ -223,3 +223,75 @@ def test_what_cannot_be_shown_is_said(shop):
     bpy.context.view_layer.objects.active = made["Door"]
     with pytest.raises(RuntimeError, match="'Door' is in no room"):
         bpy.ops.enfilade.show_visible()
+
+
+class Picking:
+    """A window with one viewport that looks straight down, and the methods of the operator on a plain object."""
+
+    def __init__(self, shop, monkeypatch):
+        from enfilade.addon import overlay_operators
+        from enfilade.addon.overlay_operators import ENFILADE_OT_pick_visible as cls
+
+        self.cursors, self.status, self.handlers, self.said = [], "?", [], []
+        self.mode = "OBJECT"
+        self.scene, self.view_layer = shop.bpy.context.scene, shop.bpy.context.view_layer
+        self.evaluated_depsgraph_get = shop.bpy.context.evaluated_depsgraph_get
+        self.window = self.workspace = self.window_manager = self
+        self.space_data = self
+        self.type = "VIEW_3D"
+        for name in ("read", "invoke", "modal", "cancel"):
+            setattr(self, f"do_{name}", getattr(cls, name).__get__(self))
+        self.read, self.cancel = self.do_read, self.do_cancel
+        monkeypatch.setattr(overlay_operators, "_view_under", self.view_under)
+
+    def view_under(self, context, event):
+        if event.at is None:
+            return None
+        space = type("Space", (), {"shading": type("Shading", (), {"show_backface_culling": True})})
+        return np.array([*event.at, 50.0]), np.array([0.0, 0.0, -1.0]), space
+
+    def cursor_modal_set(self, name):
+        self.cursors.append(name)
+
+    def cursor_modal_restore(self):
+        self.cursors.append("")
+
+    def status_text_set(self, text):
+        self.status = text
+
+    def modal_handler_add(self, operator):
+        self.handlers.append(operator)
+
+    def report(self, kind, text):
+        self.said.append(text)
+
+
+class Click:
+    def __init__(self, kind="LEFTMOUSE", at=None, value="PRESS"):
+        self.type, self.value, self.at = kind, value, at
+
+
+def test_clicks_pick_one_cluster_after_the_other(shop, rooms, monkeypatch):
+    window = Picking(shop, monkeypatch)
+    assert window.do_invoke(window, Click()) == {"RUNNING_MODAL"}
+    assert window.cursors[-1] == "EYEDROPPER"
+    assert window.handlers == [window]
+    assert window.do_modal(window, Click(at=(50.0, 50.0))) == {"RUNNING_MODAL"}
+    assert content() is None
+    for at, room in (((0.5, 0.5), "West"), ((6.0, 1.0), "East")):
+        assert window.do_modal(window, Click(at=at)) == {"RUNNING_MODAL"}
+        assert content().legend[0][1].endswith(f"in {room}")
+    # Navigation and clicks on panels are Blender's.
+    assert window.do_modal(window, Click(at=None)) == {"PASS_THROUGH"}
+    assert window.do_modal(window, Click("MIDDLEMOUSE", (0.5, 0.5))) == {"PASS_THROUGH"}
+    assert window.do_modal(window, Click("LEFTMOUSE", (0.5, 0.5), "RELEASE")) == {"PASS_THROUGH"}
+    assert window.do_modal(window, Click("ESC")) == {"FINISHED"}
+    assert (window.cursors[-1], window.status) == ("", None)
+    assert content() is not None
+
+
+def test_picking_in_a_broken_scene_ends_at_once(shop, monkeypatch):
+    window = Picking(shop, monkeypatch)
+    assert window.do_invoke(window, Click()) == {"CANCELLED"}
+    assert "no mesh that is visible in renders" in window.said[0]
+    assert (window.cursors[-1], window.handlers) == ("", [])
