@@ -81,7 +81,7 @@ def _furniture(room: Room, base: float, count: int, rng: np.random.Generator, na
         books = (left - LEAST_LEAVES - fit.SHELF_FRAME) // 5
         if books < 4:
             break
-        solid, _ = fit.shelf(fit.WOODS[rng.integers(len(fit.WOODS))], rng, books)
+        solid = fit.shelf(fit.WOODS[rng.integers(len(fit.WOODS))], rng, books)
         things.append((f"shelf {number}", solid.at(x, y, base, turn)))
         left -= len(solid)
     plants = max(1, math.ceil((left + fit.POT) / (MOST_LEAVES + fit.POT)))

@@ -146,8 +146,8 @@ def steps(count: int, rise: float, tread: float, width: float, material: Materia
     return join([flanks, risers, back])
 
 
-def shelf(wood: Material, rng: np.random.Generator, most: int) -> tuple[Solid, int]:
-    """A shelf with books of many widths, heights and colours, no more than ``most``; returns it and the number of its books."""
+def shelf(wood: Material, rng: np.random.Generator, most: int) -> Solid:
+    """A shelf with books of many widths, heights and colours, no more than ``most``: ``SHELF_FRAME`` faces and five for each book."""
     (w, d, h), thick, levels = (SHELF[0] / 2, SHELF[1] / 2, SHELF[2]), 0.03, 6
     panels = box((-w, d - thick, 0), (w, d, h), wood, BOTTOM)
     for x in (-w, w - thick):
@@ -170,7 +170,7 @@ def shelf(wood: Material, rng: np.random.Generator, most: int) -> tuple[Solid, i
     low = np.stack([x0, front, z], axis=1)
     high = np.stack([x1, front + deep[row, column], z + tall[row, column]], axis=1)
     looks = np.concatenate([colour[row, column], np.zeros((len(row), 3))], axis=1)
-    return join([frame, boxes(low, high, looks, BOTTOM)]), len(row)
+    return join([frame, boxes(low, high, looks, BOTTOM)])
 
 
 def plant(rng: np.random.Generator, four: int, five: int) -> Solid:
