@@ -129,6 +129,12 @@ CHILDREN = """\
 The largest hall of the Octogon, mean of three runs, no splits and merges.
 """
 
+PICTURES = """\
+## Pictures
+
+Clusters with their boxes at four sizes, and the levels of a hierarchy: [overlays.md](overlays.md#clusters).
+"""
+
 
 def page() -> str:
     """The whole page as Markdown."""
@@ -145,6 +151,7 @@ def page() -> str:
         (SEEDS, _seeds(office)),
         (EXCHANGES, _split_merge(office)),
         (CHILDREN, _children(largest)),
+        (PICTURES, ""),
     ]
     return "\n\n".join(text.rstrip() for part in parts for text in part if text) + "\n"
 
