@@ -150,7 +150,9 @@ class ENFILADE_OT_pick_visible(_Shows, bpy.types.Operator):
         if under is None:
             return {"PASS_THROUGH"}
         origin, direction, space = under
-        cluster = cluster_under(self._found, origin * self._found.metres_per_unit, direction, space.shading.show_backface_culling)
+        # Where backs are not drawn, or drawn over, one clicks on what is behind them.
+        fronts = space.shading.show_backface_culling or context.window_manager.enfilade_overlay.in_front
+        cluster = cluster_under(self._found, origin * self._found.metres_per_unit, direction, fronts)
         if cluster >= 0:
             overlay.show(sight_content(self._found, sight_of(self._found, cluster)))
         return {"RUNNING_MODAL"}

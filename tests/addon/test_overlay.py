@@ -234,6 +234,7 @@ class Picking:
 
         self.cursors, self.status, self.handlers, self.said = [], "?", [], []
         self.mode = "OBJECT"
+        self.enfilade_overlay = shop.bpy.context.window_manager.enfilade_overlay
         self.scene, self.view_layer = shop.bpy.context.scene, shop.bpy.context.view_layer
         self.evaluated_depsgraph_get = shop.bpy.context.evaluated_depsgraph_get
         self.window = self.workspace = self.window_manager = self
@@ -247,7 +248,7 @@ class Picking:
     def view_under(self, context, event):
         if event.at is None:
             return None
-        space = type("Space", (), {"shading": type("Shading", (), {"show_backface_culling": True})})
+        space = type("Space", (), {"shading": type("Shading", (), {"show_backface_culling": False})})
         return np.array([*event.at, 50.0]), np.array([0.0, 0.0, -1.0]), space
 
     def cursor_modal_set(self, name):
@@ -281,6 +282,13 @@ def test_clicks_pick_one_cluster_after_the_other(shop, rooms, monkeypatch):
     for at, room in (((0.5, 0.5), "West"), ((6.0, 1.0), "East")):
         assert window.do_modal(window, Click(at=at)) == {"RUNNING_MODAL"}
         assert content().legend[0][1].endswith(f"in {room}")
+        assert layers("picked")[-1].position[:, 2].max() == 0  # the floor: the back of the ceiling is drawn over
+    window.enfilade_overlay.in_front = False
+    try:
+        window.do_modal(window, Click(at=(6.0, 1.0)))
+        assert layers("picked")[-1].position[:, 2].max() == 2.5
+    finally:
+        window.enfilade_overlay.in_front = True
     # Navigation and clicks on panels are Blender's.
     assert window.do_modal(window, Click(at=None)) == {"PASS_THROUGH"}
     assert window.do_modal(window, Click("MIDDLEMOUSE", (0.5, 0.5))) == {"PASS_THROUGH"}
