@@ -202,6 +202,23 @@ class Forest:
         width, height = self.box[parents, 2], self.box[parents, 3]
         return np.where(width > SQUARISH * height, 4, np.where(height > SQUARISH * width, 6, 0))
 
+    def locate(self, region: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The smallest element (n,) under each point ``uv`` (n, 2) of the frames of ``region`` (n,), the parent where no child lies
+        there, and the point in its unit square (n, 2).
+        """
+        element = region.astype(np.int64)
+        active = np.arange(len(element))
+        while len(active):
+            children = self.children[element[active]]
+            box = self.box[np.maximum(children, 0)]
+            offset = uv[active, None] - box[:, :, :2]
+            inside = (children >= 0) & (offset >= 0).all(2) & (offset <= box[:, :, 2:]).all(2)
+            found = inside.any(1)
+            active = active[found]
+            element[active] = np.take_along_axis(children[found], inside[found].argmax(1)[:, None], 1)[:, 0]
+        box = self.box[element]
+        return element, np.clip((uv - box[:, :2]) / box[:, 2:], 0, 1)
+
     def at_nodes(self, elements: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
         """Values (n, q*q, c) at the nodes of ``elements`` of functions with coefficients (n, m, c)."""
         return self._apply(self._evaluate.view(), elements, coefficients)

@@ -104,6 +104,11 @@ class Options:
         minimum=0.0,
         maximum=1e6,
     )
+    reflected: str = _choice(
+        "gathered",
+        ("gathered", "elements"),
+        "Reflected light at a point: gathered by rays from there, or interpolated from the elements (faster where points are many)",
+    )
     max_iterations: int = _option(100, "int", "Most iterations of shooting, each visiting every emitter once", minimum=1, maximum=100_000)
     memory: int = _option(
         0, "size", "Memory budget for light exchanges kept between iterations, the rest goes to disk; 0: no limit", unit="bytes", minimum=0

@@ -76,7 +76,8 @@ def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
     escaped = escape.escaped_power(building, forest, irradiance, lost, workers)
     report = report_of(scene.polygon_count, building, forest, linking, radiosity, irradiance, lost, closed, escaped)
     report |= {"shadow_tests": shadow_tests, "warnings": list(findings), "seconds": clock.seconds}
-    solution = Solution(scene, building, forest, lamps, light, radiosity.irradiance, workers, report)
+    rays = limits.rays if options.reflected == "gathered" else 0
+    solution = Solution(scene, building, forest, lamps, light, radiosity.irradiance, rays, limits.min_size / 2, workers, report)
     store.keep("light", solution.light)
     return solution
 

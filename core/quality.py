@@ -18,25 +18,27 @@ class Tolerances:
     direct : admissible error of the direct light on one element, as a source of reflected light
     min_size : metres, shortest long edge of an element
     unshot : unshot over emitted power at which the shooting stops
+    rays : over the hemisphere of a point, for the final gathering
     """
 
     exchange: float
     direct: float
     min_size: float
     unshot: float
+    rays: int
 
 
 # Fractions of the root of a typical room's surface for min_size; the rest by measurement on the bench scenes.
 _TABLE = {
-    "draft": (4e-3, 1.2e-2, 1 / 32, 3e-3),
-    "good": (5e-4, 3e-3, 1 / 72, 1e-3),
-    "fine": (1e-4, 8e-4, 1 / 144, 3e-4),
+    "draft": (4e-3, 1.2e-2, 1 / 32, 3e-3, 96),
+    "good": (1e-3, 2e-3, 1 / 100, 1e-3, 384),
+    "fine": (1e-4, 8e-4, 1 / 144, 3e-4, 2048),
 }
 
 
 def tolerances(options: Options, regions: Regions) -> Tolerances:
     """Tolerances for the quality that the options ask for, in a building of these regions."""
-    exchange, direct, fraction, unshot = _TABLE[options.quality]
+    exchange, direct, fraction, unshot, rays = _TABLE[options.quality]
     surface = np.bincount(regions.room, regions.area)
     typical = float(np.sqrt(np.median(surface[surface > 0])))
-    return Tolerances(exchange, direct, options.min_element_size or fraction * typical, unshot)
+    return Tolerances(exchange, direct, options.min_element_size or fraction * typical, unshot, rays)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from . import basis
 from .building import Building
 from .direct import Luminaires, direct_light
 from .elements import Forest
+from .exitance_map import ExitanceMap, exitance_map
+from .gather import gather
 from .scene import Scene
 
 EDGE = 1e-4
@@ -36,7 +39,8 @@ class Light:
 class Solution:
     """Exitance and irradiance at surface points, and the ``report`` of the solve (a dict that JSON can hold).
 
-    The direct light of the luminaires is computed anew at every point; the reflected light is the wavelet solution.
+    The direct light of the luminaires is computed anew at every point. The reflected light is gathered there by ``rays`` over
+    its hemisphere from the exitance of the wavelet solution, in texels of ``texel`` metres; without rays it is that of the elements.
     """
 
     def __init__(
@@ -47,11 +51,14 @@ class Solution:
         luminaires: Luminaires,
         direct: np.ndarray,
         reflected: np.ndarray,
+        rays: int,
+        texel: float,
         workers: int,
         report: dict,
     ):
         self._scene, self._building, self._forest = scene, building, forest
         self._luminaires, self._direct, self._reflected, self._workers = luminaires, direct, reflected, workers
+        self._rays, self._texel, self._map = rays, texel, None
         self.report = report
 
     @property
@@ -79,14 +86,27 @@ class Solution:
         region = region[valid].astype(np.int64)
         uv = regions.local(region, np.asarray(points, np.float64)[valid])
         uv = _inside(uv, regions.size[region])
-        light = self._smooth(region, uv)
         position = regions.world(region, uv).astype(np.float32)
-        done = 0
-        for part in direct_light(self._building, self._luminaires, position, region, self._workers):
+        if self._rays:
+            light = np.zeros((len(region), 3), np.float32)
+            reflected = gather(self._building, self._exitance_map(), position, region, self._rays, self._workers)
+        else:
+            light, reflected = self._smooth(region, uv), ()
+        direct = direct_light(self._building, self._luminaires, position, region, self._workers)
+        done, whole = 0, max(len(valid), 1) * (2 if self._rays else 1)
+        for part in chain(direct, reflected):
             light[part.index] += part.irradiance
             done += len(part.index)
-            yield done / max(len(valid), 1)
+            yield done / whole
         out[valid] = np.maximum(light, 0)
+
+    def _exitance_map(self) -> ExitanceMap:
+        """Made at its first use."""
+        if self._map is None:
+            regions, forest = self._building.regions, self._forest
+            reflectance = regions.reflectance[forest.region].astype(np.float32)[:, None]
+            self._map = exitance_map(regions, forest, (self._direct + self._reflected) * reflectance, self._texel)
+        return self._map
 
     def exitance(self, points: np.ndarray, polygon: np.ndarray) -> np.ndarray:
         """(N, 3) float32 W/m2: emission + reflectance * irradiance."""
@@ -121,25 +141,9 @@ class Solution:
 
     def _at(self, region: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The elements (n,) at points, and their reflected irradiance (n, 3) there."""
-        element, local = self._locate(region, uv)
+        element, local = self._forest.locate(region, uv)
         values = basis.evaluate(self._forest.order, local).astype(np.float32)
         return element, np.einsum("nm,nmc->nc", values, self._reflected[element])
-
-    def _locate(self, region: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The smallest element under each point, and the point in its unit square; the parent where no child lies there."""
-        forest = self._forest
-        element = region.copy()
-        active = np.arange(len(element))
-        while len(active):
-            children = forest.children[element[active]]
-            box = forest.box[np.maximum(children, 0)]
-            offset = uv[active, None] - box[:, :, :2]
-            inside = (children >= 0) & (offset >= 0).all(2) & (offset <= box[:, :, 2:]).all(2)
-            found = inside.any(1)
-            active = active[found]
-            element[active] = np.take_along_axis(children[found], inside[found].argmax(1)[:, None], 1)[:, 0]
-        box = forest.box[element]
-        return element, np.clip((uv - box[:, :2]) / box[:, 2:], 0, 1)
 
 
 def _inside(uv: np.ndarray, size: np.ndarray) -> np.ndarray:
