@@ -105,7 +105,7 @@ def _room(building: Building, room: int) -> _Room:
     near_room = regions.room[near.region]
     beyond = []
     for k, (first, second) in zip(range(len(open_)), doors.rooms[open_], strict=True):
-        reached = _reached(doors.rooms, room, second if first == room else first)
+        reached = _reached(doors.rooms, building.room_count, room, second if first == room else first)
         # The normal of a portal runs from its first room to its second.
         side = 1.0 if first == room else -1.0
         height = side * (near.corners @ frames.normal[k] - frames.offset[k, 0])
@@ -114,10 +114,10 @@ def _room(building: Building, room: int) -> _Room:
     return _Room(inside, frames, tuple(beyond))
 
 
-def _reached(links: np.ndarray, room: int, start: int) -> np.ndarray:
-    """(R,) bool rooms that can be reached from ``start`` over portals ``links`` (K, 2) without passing ``room``."""
+def _reached(links: np.ndarray, count: int, room: int, start: int) -> np.ndarray:
+    """(count,) bool rooms that can be reached from ``start`` over portals ``links`` (K, 2) without passing ``room``."""
     links = links[(links >= 0).all(1) & (links != room).all(1)]
-    reached = np.zeros(max(int(links.max(initial=0)), room, start) + 1, bool)
+    reached = np.zeros(count, bool)
     reached[start] = True
     while True:
         more = links[reached[links].any(1)]

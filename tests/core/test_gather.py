@@ -115,6 +115,28 @@ def test_both_rooms_bright_is_one():
     assert np.abs(found - 1).max() < 0.04
 
 
+def test_a_ring_of_rooms_sees_around_the_corner_and_a_room_apart_sees_itself():
+    # Four cubes in a square, each with a wide door to the next, and a fifth far away: all bright is one everywhere.
+    polygons, room, doors, pairs = [], [], [], []
+    cells = [(0, 0), (1, 0), (1, 1), (0, 1), (5, 5)]
+    for k, (i, j) in enumerate(cells):
+        open_ = [] if k == 4 else ["x+" if i == 0 else "x-", "y+" if j == 0 else "y-"]
+        faces = [f + [i, j, 0] for f in box(leave_out=" ".join(open_))]
+        polygons += faces
+        room += [k] * len(faces)
+    for a, b in ((0, 1), (3, 2)):
+        doors.append(rectangle((1, cells[a][1], 0), (0, 1, 0), (0, 0, 1)))
+        pairs.append((a, b))
+    for a, b in ((0, 3), (1, 2)):
+        doors.append(rectangle((cells[a][0], 1, 0), (0, 0, 1), (1, 0, 0)))
+        pairs.append((a, b))
+    building = building_of(scene_of(polygons, room=room, portals=portals_of(doors, pairs)))
+    points, region = on_regions(building, 500)
+    found = gathered(building, painted(building, np.arange(len(building.regions))), points, region)
+    assert abs(found.mean() - 1) < 2e-3
+    assert np.abs(found - 1).max() < 0.06
+
+
 def test_backs_are_black():
     floor, plate = rectangle((0, 0, 0), (2, 0, 0), (0, 2, 0)), rectangle((0, 0, 1), (2, 0, 0), (0, 2, 0))
     building = building_of(scene_of([floor, plate]))
