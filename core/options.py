@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 VOLUMES = ("windows", "boxes")
-ORDERINGS = ("random", "max_energy")
+ORDERINGS = ("random", "max_energy", "greedy_s", "greedy_c", "backtrack_s", "backtrack_c", "traveling_salesman")
 DISTANCES = (
     "barycenter",
     "closest_vertex",
@@ -95,7 +95,12 @@ class Options:
     volumes: str = _choice(
         "windows", VOLUMES, "What bounds the space seen through portals: their outlines, or as in the paper the boxes around them"
     )
-    ordering: str = _choice("max_energy", ORDERINGS, "How the next emitter is chosen")
+    ordering: str = _choice(
+        "max_energy",
+        ORDERINGS,
+        "How the next emitter is chosen: any, the one with the most light, or so that little is read from disk; "
+        "s counts that in polygons, c in emitters, backtrack looks five shots ahead, traveling_salesman plans a tour",
+    )
     min_element_size: float = _option(
         0.0,
         "float",

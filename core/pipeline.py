@@ -66,10 +66,14 @@ def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
     lost = escape.lost_share(building, forest, workers)
     closed = lost <= escape.LEAK
     gain = links.closing_gain(forest, exchanges, closed[surfaces.room[forest.region]])
-    by_cluster = options.emitters == "clusters"
-    unit, units = (building.clusters.cluster_of, len(building.clusters)) if by_cluster else (surfaces.room, scene.room_count)
-    shooter = Shooter(forest, exchanges, unit[forest.region], units, light, gain, emitted_power(building))
-    radiosity = yield from _shoot(shooter, options, rng, limits.unshot)
+    clusters, by_cluster = building.clusters, options.emitters == "clusters"
+    unit, units = (np.arange(len(clusters)), len(clusters)) if by_cluster else (clusters.room, scene.room_count)
+    of_element = unit[clusters.cluster_of[forest.region]]
+    shooter = Shooter(forest, exchanges, of_element, units, light, gain, emitted_power(building))
+    yield Progress("solve", 0.7, f"Ordering {units} emitters")
+    sets = ordering.visible_sets(building.graph, clusters.polygons, unit, units)
+    strategy = ordering.STRATEGIES[options.ordering](sets)
+    radiosity = yield from _shoot(shooter.run(strategy, rng, limits.unshot, options.max_iterations), limits.unshot)
     clock.lap("solve")
 
     irradiance = light + radiosity.irradiance
@@ -113,8 +117,8 @@ def _follow(steps: Iterator, start: float, end: float, message: Callable[[], str
     raise RuntimeError("a stage ended without a result")
 
 
-def _shoot(shooter: Shooter, options: Options, rng: np.random.Generator, tolerance: float):
-    for step in shooter.run(ordering.STRATEGIES[options.ordering], rng, tolerance, options.max_iterations):
+def _shoot(steps: Iterator[Shot | Radiosity], tolerance: float):
+    for step in steps:
         if isinstance(step, Radiosity):
             return step
         message = f"Iteration {step.iteration + 1}: {step.unshot_fraction:.2%} unshot"

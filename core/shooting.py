@@ -18,9 +18,10 @@ from .ordering import Candidates, Strategy
 
 @dataclass(frozen=True)
 class Shot:
-    """How far the solution is: iteration, and unshot over emitted power."""
+    """How far the solution is: iteration, the emitter that shot, and unshot over emitted power."""
 
     iteration: int
+    emitter: int
     unshot_fraction: float
 
 
@@ -87,19 +88,22 @@ class Shooter:
         self.received, self.shot = np.zeros((units, 3)), np.zeros((units, 3))
 
     def run(self, strategy: Strategy, rng: np.random.Generator, tolerance: float, max_iterations: int) -> Iterator[Shot | Radiosity]:
-        """Shoot until the unshot part of the emitted power is at most ``tolerance``; yields every shot, at last the light."""
-        iteration = 0
+        """Shoot until the unshot part of the emitted power is at most ``tolerance``; yields every shot, at last the light.
+
+        In every iteration each emitter shoots once, in the order of ``strategy`` (paper, figure 7). One with next to nothing to
+        shoot is passed over, and nothing is read for it, until it has received more.
+        """
+        iteration, last = 0, -1
         limit = tolerance * max(self._emitted, 1e-300)
+        # What is far below its share of the tolerance waits for more: a shot of next to nothing costs as much as any.
+        least = 0.1 * limit / self._units
         while self.unshot.sum() > limit and iteration < max_iterations:
-            waiting = np.arange(self._units)
-            # What is far below its share of the tolerance waits for more: a shot of next to nothing costs as much as any.
-            least = 0.1 * limit / self._units
-            while len(waiting):
-                chosen = strategy(Candidates(waiting, self.unshot.sum(1), rng))
-                waiting = waiting[waiting != chosen]
-                if self.unshot[chosen].sum() > least:
-                    self._shoot(chosen)
-                    yield Shot(iteration, float(self.unshot.sum()) / max(self._emitted, 1e-300))
+            marked = np.zeros(self._units, bool)
+            while (waiting := ~marked & ((unshot := self.unshot.sum(1)) > least)).any():
+                last = strategy(Candidates(np.flatnonzero(waiting), unshot, last, rng))
+                marked[last] = True
+                self._shoot(last)
+                yield Shot(iteration, last, float(self.unshot.sum()) / max(self._emitted, 1e-300))
             iteration += 1
         yield self._finish(iteration)
 

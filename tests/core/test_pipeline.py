@@ -254,7 +254,7 @@ def test_place_and_size_do_not_matter(matrix, offset):
 
 @pytest.mark.parametrize(
     "more",
-    [{"emitters": "cells"}, {"ordering": "random", "seed": 7, "average": 1, "large_polygon": 0.0}],
+    [{"emitters": "cells", "ordering": "backtrack_s"}, {"ordering": "random", "seed": 7, "average": 1, "large_polygon": 0.0}],
     ids=str,
 )
 def test_emitters_orderings_and_clusters_do_not_matter(more, two_rooms):

@@ -5,7 +5,8 @@ import functools
 import numpy as np
 import pytest
 from enfilade.core.links import spill
-from enfilade.core.ordering import STRATEGIES, Candidates, max_energy, random
+from enfilade.core.ordering import STRATEGIES, visible_sets
+from enfilade.core.ordering.candidates import max_energy
 from enfilade.core.shooting import Radiosity, Shooter, Shot
 from scenery import building_of, linked, scene_of
 
@@ -47,10 +48,15 @@ class Case:
         return Shooter(self.forest, links or self.links, unit, int(unit.max()) + 1, direct, self.gain, self.emitted)
 
     def run(self, tolerance=1e-7, ordering="max_energy", iterations=1000, **more):
-        *shots, light = self.shooter(**more).run(STRATEGIES[ordering], np.random.default_rng(1), tolerance, iterations)
+        return self.steps(ordering, 1, tolerance, iterations, **more)[-1]
+
+    def steps(self, ordering, seed, tolerance, iterations=1000, **more):
+        clusters = self.building.clusters
+        sets = visible_sets(self.building.graph, clusters.polygons, np.arange(len(clusters)), len(clusters))
+        *shots, light = self.shooter(**more).run(STRATEGIES[ordering](sets), np.random.default_rng(seed), tolerance, iterations)
         assert all(isinstance(s, Shot) for s in shots)
         assert isinstance(light, Radiosity)
-        return light
+        return [*shots, light]
 
     def operator(self):
         """(n * m, n * m): irradiance of leaves by reflection from exitance of leaves."""
@@ -188,18 +194,18 @@ def test_links_on_disk_give_the_same_bits(tmp_path):
     np.testing.assert_array_equal(case.run(links=spill(case.links, 0, tmp_path)).irradiance, case.run().irradiance)
 
 
-# --------------------------------------------------------------------------------------------- orderings
+@pytest.mark.parametrize("ordering", sorted(STRATEGIES))
+def test_each_emitter_shoots_once_in_every_iteration(ordering):
+    case = CASES[2]
+    *shots, light = case.steps(ordering, 5, 1e-3)
+    lit = np.unique(case.building.clusters.cluster_of[case.building.regions.reflectance.any(1)])
+    for iteration in range(light.iterations):
+        assert sorted(s.emitter for s in shots if s.iteration == iteration) == lit.tolist()
+    assert [s.iteration for s in shots] == sorted(s.iteration for s in shots)
 
 
-def test_the_strongest_shoots_first_and_the_first_of_equals():
-    unshot = np.array([1.0, 5, 2, 5, 9])
-    pick = lambda waiting: max_energy(Candidates(np.array(waiting), unshot, None))  # noqa: E731
-    assert [pick([0, 1, 2, 3, 4]), pick([0, 1, 2, 3]), pick([0, 2, 3]), pick([0])] == [4, 1, 3, 0]
-
-
-def test_random_takes_any_that_waits_and_repeats_with_its_seed():
-    waiting = np.array([2, 5, 7])
-    draws = [[random(Candidates(waiting, np.zeros(9), rng)) for _ in range(300)] for rng in map(np.random.default_rng, (0, 0, 1))]
-    assert draws[0] == draws[1] != draws[2]
-    assert min(draws[0].count(k) for k in waiting) > 60
-    assert set(draws[0]) == {2, 5, 7}
+@pytest.mark.parametrize("ordering", sorted(STRATEGIES))
+def test_the_same_seed_gives_the_same_bits(ordering):
+    once, again = (CASES[2].steps(ordering, 5, 1e-3) for _ in range(2))
+    assert once[:-1] == again[:-1]
+    np.testing.assert_array_equal(once[-1].irradiance, again[-1].irradiance)
