@@ -10,27 +10,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from . import transport
 from .building import Building
 from .exitance_map import ExitanceMap
+from .grouping import morton
 from .occlusion import Blockers, hemisphere
 from .parallel import ordered_map
+from .ray_fans import Faces, Workspace, aimed, directed, faces_of, look
 
 NEAR = 0.1
 """Form factor of a portal from which the rays of the hemisphere are enough of them."""
 PORTAL_SHARE = 0.25
-"""Rays to a portal, as a part of those of the hemisphere."""
-SAME = np.float32(1 + 1e-3)
-"""Surfaces this little nearer than a portal are behind it: walls that a portal lies in."""
-SEAM = np.float32(1 - 1e-5)
+"""Most rays to a portal, as a part of those of the hemisphere."""
+PORTAL_DENSITY = 10.0
+"""Rays to a portal over those of the hemisphere that it takes the place of."""
 BLOCK_POINTS = 1024
-SHELF = 64
-"""Points facing one way that share the choice of the surfaces in front of them."""
-_CELLS = 1 << 19
-"""Pairs of ray and blocker that are compared at once: a handful of such arrays stay in the cache."""
+SHELF, SHEAF = 16, 96
+"""Neighbouring points, and neighbouring rays of each, that share the choice of the surfaces that they may meet."""
 
 
 @dataclass(frozen=True)
@@ -43,33 +43,17 @@ class Gathered:
 
 
 @dataclass(frozen=True)
-class _Faces:
-    """Blockers as rays meet them: parallelograms first, then triangles, then ``stops`` portals, where rays end and find nothing.
-
-    normal, dual_x, dual_y : (K, 3) float32;  offset : (K, 3);  quads : number of parallelograms;  id : (K,) of the blockers
-    """
-
-    normal: np.ndarray
-    dual_x: np.ndarray
-    dual_y: np.ndarray
-    offset: np.ndarray
-    quads: int
-    stops: int
-    id: np.ndarray
-    clearance: float
-
-
-@dataclass(frozen=True)
 class _Room:
     """What the points of a room may meet.
 
-    inside : its own surfaces;  frames : its portals that lead to other rooms
-    beyond : for each of them, all surfaces behind it and in the room
+    frames : its portals that lead to other rooms
+    all_round : faces for rays over the hemisphere, where these end in all portals, and then where they pass the first, second, ..
+    beyond : for each portal, the faces behind it and in the room
     """
 
-    inside: Blockers
     frames: Blockers
-    beyond: tuple[Blockers, ...]
+    all_round: tuple[Faces, ...]
+    beyond: tuple[Faces, ...]
 
 
 def gather(
@@ -103,15 +87,18 @@ def _room(building: Building, room: int) -> _Room:
     frames = doors.frames.take(open_)
     near = building.blockers_of(building.regions_of(building.surroundings(clusters))[0])
     near_room = regions.room[near.region]
-    beyond = []
+    everything = np.arange(len(open_))
+    all_round, beyond = [faces_of(inside, frames)], []
     for k, (first, second) in zip(range(len(open_)), doors.rooms[open_], strict=True):
         reached = _reached(doors.rooms, building.room_count, room, second if first == room else first)
         # The normal of a portal runs from its first room to its second.
         side = 1.0 if first == room else -1.0
         height = side * (near.corners @ frames.normal[k] - frames.offset[k, 0])
         behind = (height.max(1) > near.clearance) & reached[near_room]
-        beyond.append(near.take(np.flatnonzero(behind | (near_room == room))))
-    return _Room(inside, frames, tuple(beyond))
+        found = near.take(np.flatnonzero(behind | (near_room == room)))
+        all_round.append(faces_of(found, frames.take(everything[everything != k])))
+        beyond.append(faces_of(found, frames.take(everything[:0])))
+    return _Room(frames, tuple(all_round), tuple(beyond))
 
 
 def _reached(links: np.ndarray, count: int, room: int, start: int) -> np.ndarray:
@@ -126,37 +113,42 @@ def _reached(links: np.ndarray, count: int, room: int, start: int) -> np.ndarray
         reached[more] = True
 
 
-def _faces(blockers: Blockers, stops: Blockers) -> _Faces:
-    """Parallelograms are a trifle larger than they are, so that no ray slips through the seam of two."""
-    order = np.argsort(blockers.triangle, kind="stable")
-    parts = [np.concatenate([getattr(blockers, name)[order], getattr(stops, name)]) for name in ("normal", "dual_x", "dual_y", "offset")]
-    parts[1:3] = (m * SEAM for m in parts[1:3])
-    parts[3][:, 1:] *= SEAM
-    ids = np.concatenate([blockers.id[order], np.full(len(stops), -1)])
-    return _Faces(*parts, int((~blockers.triangle).sum()), len(stops), ids, blockers.clearance)
-
-
 @dataclass(frozen=True)
-class _Fan:
-    """r rays of one shape from every point, as faces k see them; distances are measured in units of each ray.
+class _Sheaves:
+    """The rays of a hemisphere in bundles of neighbours.
 
-    Hemisphere: unit directions, the same for all points. Portal: from each point to the same places, at distance 1.
-    along, across_x, across_y : (r, K) float32, directions or places in the coordinates of the faces
-    begin : 1 over the distance of what ``along`` zero stands for, 0 for directions and 1 for places
+    direction : (r, 3), bundle after bundle;  start : (t + 1,);  axis : (t, 3) unit, angle : (t,) a cone around each bundle
     """
 
-    along: np.ndarray
-    across_x: np.ndarray
-    across_y: np.ndarray
-    begin: float
+    direction: np.ndarray
+    start: np.ndarray
+    axis: np.ndarray
+    angle: np.ndarray
 
 
-def _directions(faces: _Faces, directions: np.ndarray) -> _Fan:
-    return _Fan(*(directions @ m.T for m in (faces.normal, faces.dual_x, faces.dual_y)), 0.0)
+@lru_cache(maxsize=8)
+def _sheaves(rays: int) -> _Sheaves:
+    direction = hemisphere(rays)
+    bundles = [np.arange(rays)]
+    for turn in range(max(0, round(float(np.log2(rays / SHEAF))))):
+        halves = []
+        for rows in bundles:
+            rows = rows[np.argsort(direction[rows, turn % 2], kind="stable")]
+            halves += np.array_split(rows, 2)
+        bundles = halves
+    axis = np.array([direction[rows].mean(0) for rows in bundles])
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    angle = np.array([np.arccos(np.clip(direction[rows] @ d, -1, 1)).max() for rows, d in zip(bundles, axis, strict=True)])
+    start = np.concatenate([[0], np.cumsum([len(rows) for rows in bundles])])
+    return _Sheaves(direction[np.concatenate(bundles)], start, axis, angle)
 
 
-def _targets(faces: _Faces, places: np.ndarray) -> _Fan:
-    return _Fan(*(places @ m.T - faces.offset[:, k] for k, m in enumerate((faces.normal, faces.dual_x, faces.dual_y))), 1.0)
+def _shelves(points: np.ndarray, rows: np.ndarray):
+    """Rows (n,) of neighbouring points, with the middle and the radius of the ball around them."""
+    rows = rows[np.argsort(morton(points[rows]), kind="stable")]
+    for part in np.array_split(rows, -(-len(rows) // SHELF)) if len(rows) else ():
+        low, high = points[part].min(0), points[part].max(0)
+        yield part, 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
 
 
 def _gather(building: Building, room: _Room, exitance: ExitanceMap, index, points, region, rays: int) -> Gathered:
@@ -167,104 +159,64 @@ def _gather(building: Building, room: _Room, exitance: ExitanceMap, index, point
     for k in range(count):
         form[:, k] = _form(points, normals, room.frames.corners[k])
     near = np.where(form.max(1, initial=0) > NEAR, form.argmax(1), -1) if count else np.full(len(points), -1)
-    out, tests = np.zeros((len(points), 3)), 0
+    out, tests, work = np.zeros((len(points), 3)), 0, Workspace()
     # Points that face one way share the directions of their rays, whatever surface they lie on.
     frames, way = np.unique(np.round(frame, 6).reshape(-1, 9), axis=0, return_inverse=True)
-    frames, way = frames.reshape(-1, 3, 3), way.reshape(-1)
+    way = way.reshape(-1)
     for portal in np.unique(near):
-        stops = room.frames.take(np.flatnonzero(np.arange(count) != portal))
-        blockers = room.inside if portal < 0 else room.beyond[portal]
         for k in np.unique(way[near == portal]):
-            mine = np.flatnonzero((near == portal) & (way == k))
-            level = points[mine] @ frames[k, 2].astype(np.float32)
-            order = np.argsort(level, kind="stable")
-            top = (blockers.corners @ frames[k, 2].astype(np.float32)).max(1)
-            directions = (hemisphere(rays) @ frames[k]).astype(np.float32)
-            for part in np.array_split(order, -(-len(order) // SHELF)):
-                faces = _faces(blockers.take(np.flatnonzero(top > level[part[0]] + blockers.clearance)), stops)
-                fan = _directions(faces, directions)
-                for rows in _chunks(mine[part], rays, len(faces.id)):
-                    out[rows] += _look(faces, fan, exitance, points[rows]).mean(1)
-                    tests += len(rows) * rays * len(faces.id)
-    number = max(8, int(rays * PORTAL_SHARE))
+            rows = np.flatnonzero((near == portal) & (way == k))
+            tests += _over_hemisphere(room.all_round[portal + 1], frames[k].reshape(3, 3), exitance, points, rows, rays, work, out)
     for portal in range(count):
-        mine = np.flatnonzero((form[:, portal] > 0) & (near != portal))
-        if not len(mine):
-            continue
-        faces = _faces(room.beyond[portal], room.frames.take(np.zeros(0, np.int64)))
-        places = _places(room.frames.corners[portal], number)
-        fan = _targets(faces, places)
-        for rows in _chunks(mine, number, len(faces.id)):
-            offset = places - points[rows, None]
-            squared = (offset * offset).sum(2)
-            # Both cosines over the squared distance; the ratio to the exact form factor takes the constant.
-            weight = np.maximum(np.einsum("nrc,nc->nr", offset, normals[rows]), 0) * np.abs(offset @ room.frames.normal[portal])
-            weight /= squared * squared
-            weight *= (form[rows, portal] / np.maximum(weight.sum(1), 1e-30))[:, None]
-            out[rows] += np.einsum("nr,nrc->nc", weight, _look(faces, fan, exitance, points[rows]))
-            tests += len(rows) * number * len(faces.id)
+        rows = np.flatnonzero((form[:, portal] > 0) & (near != portal))
+        corners = room.frames.corners[portal]
+        # A small portal needs few rays: still many times as many as those of the hemisphere that it takes the place of.
+        most = max(8, int(rays * PORTAL_SHARE))
+        number = np.clip(PORTAL_DENSITY * rays * form[rows, portal], 8, most)
+        number = 8 * 2 ** np.floor(np.log2(number / 8)).astype(np.int64)
+        for n in np.unique(number):
+            mine = rows[number == n]
+            tests += _through(room.beyond[portal], corners, exitance, points, normals, form[:, portal], mine, int(n), work, out)
     return Gathered(index, out.astype(np.float32), tests)
 
 
-def _chunks(rows: np.ndarray, rays: int, faces: int) -> list[np.ndarray]:
-    step = max(1, _CELLS // max(1, rays * faces))
-    return [rows[k : k + step] for k in range(0, len(rows), step)]
+def _over_hemisphere(faces: Faces, frame: np.ndarray, exitance: ExitanceMap, points, rows, rays: int, work: Workspace, out) -> int:
+    """Add to ``out`` (n, 3) what rays over the hemisphere find from the points ``rows``, all with one frame (3, 3)."""
+    sheaves, tests = _sheaves(rays), 0
+    direction, axis = (sheaves.direction @ frame).astype(np.float32), sheaves.axis @ frame
+    normal = frame[2].astype(np.float32)
+    top = (faces.corners @ normal).max(1)
+    for part, centre, radius in _shelves(points, rows):
+        ahead = top > (points[part] @ normal).min() + faces.clearance
+        seen = faces.toward(centre, radius, axis, sheaves.angle) & ahead[:, None]
+        for t in range(len(axis)):
+            here = slice(sheaves.start[t], sheaves.start[t + 1])
+            some = faces.take(np.flatnonzero(seen[:, t]))
+            out[part] += look(some, directed(some, direction[here]), exitance, points[part], work).sum(1) / rays
+            tests += len(part) * (here.stop - here.start) * len(some)
+    return tests
 
 
-def _look(faces: _Faces, fan: _Fan, exitance: ExitanceMap, points: np.ndarray) -> np.ndarray:
-    """(n, r, 3) exitance that the rays of a fan from points (n, 3) meet first, zero at backs and portals.
-
-    To places only what lies behind them counts: a ray is blocked by what is nearer. With w = 1 / distance along the ray a face is met
-    where |x w| <= w and |y w| <= w, and all three are linear in the direction: no divisions, and the nearest face has the greatest w.
-    """
-    out = np.zeros((len(points), len(fan.along), 3), np.float32)
-    if not len(faces.id):
-        return out
-    height = points @ faces.normal.T
-    height -= faces.offset[:, 0]
-    x0, y0 = (points @ d.T - faces.offset[:, k] for k, d in ((1, faces.dual_x), (2, faces.dual_y)))
-    clear = np.abs(height) > faces.clearance
-    scale = np.where(clear, -1 / np.where(clear, height, 1), 0).astype(np.float32)
-    w = scale[:, None] * fan.along
-    x = x0[:, None] * w
-    x += fan.across_x
-    y = y0[:, None] * w
-    y += fan.across_y
-    if fan.begin:
-        w += np.float32(fan.begin)
-        w *= clear[:, None]
-    _meet(w, x, y, faces)
-    if faces.stops:
-        w[..., -faces.stops :] *= SAME
-    best = w.argmax(2)
-    row = np.arange(len(points))[:, None]
-    found = np.take_along_axis(w, best[..., None], 2)[..., 0]
-    lit = (found > 0) & (height[row, best] > 0) & (faces.id[best] >= 0)
-    if fan.begin:
-        lit &= found <= fan.begin * SAME
-    p, r = np.nonzero(lit)
-    k, w = best[p, r], found[p, r]
-    sx, sy = ((z[p, k] * (w - np.float32(fan.begin)) + across[r, k]) / w for z, across in ((x0, fan.across_x), (y0, fan.across_y)))
-    quad = k < faces.quads
-    sx, sy = (np.clip(np.where(quad, 0.5 * s + 0.5, s), 0, 1) for s in (sx, sy))
-    out[p, r] = exitance.at(faces.id[k], sx, sy)
-    return out
-
-
-def _meet(w: np.ndarray, x: np.ndarray, y: np.ndarray, faces: _Faces) -> None:
-    """Set ``w`` (n, r, K) to zero where the ray misses the face; x and y are used up."""
-    end = w.shape[2] - faces.stops
-    for part in (slice(0, faces.quads), slice(end, w.shape[2])):
-        if part.start < part.stop:
-            a, b, c = w[..., part], x[..., part], y[..., part]
-            np.abs(b, out=b)
-            np.abs(c, out=c)
-            np.maximum(b, c, out=b)
-            a *= b <= a
-    if faces.quads < end:
-        part = slice(faces.quads, end)
-        a, b, c = w[..., part], x[..., part], y[..., part]
-        a *= (b >= 0) & (c >= 0) & (b + c <= a)
+def _through(faces: Faces, portal: np.ndarray, exitance: ExitanceMap, points, normals, form, rows, rays: int, work: Workspace, out) -> int:
+    """Add to ``out`` (n, 3) what rays to places in a portal (4, 3) find behind it from the points ``rows``."""
+    places, tests = _places(portal, rays), 0
+    middle = portal.mean(0)
+    size = float(np.linalg.norm(portal - middle, axis=1).max())
+    across = np.cross(portal[1] - portal[0], portal[3] - portal[0])
+    for part, centre, radius in _shelves(points, rows):
+        axis = middle - centre
+        distance = max(float(np.linalg.norm(axis)), 1e-9)
+        angle = np.arcsin((size + radius) / distance) if size + radius < distance else np.pi
+        some = faces.take(np.flatnonzero(faces.toward(centre, radius, axis[None] / distance, np.array([angle]))[:, 0]))
+        offset = places - points[part, None]
+        squared = (offset * offset).sum(2)
+        # Both cosines over the squared distance; the ratio to the exact form factor takes the constant.
+        weight = np.maximum(np.einsum("nrc,nc->nr", offset, normals[part]), 0) * np.abs(offset @ across)
+        weight /= squared * squared
+        weight *= (form[part] / np.maximum(weight.sum(1), 1e-30))[:, None]
+        out[part] += np.einsum("nr,nrc->nc", weight, look(some, aimed(some, places), exitance, points[part], work))
+        tests += len(part) * len(places) * len(some)
+    return tests
 
 
 def _form(points: np.ndarray, normals: np.ndarray, corners: np.ndarray) -> np.ndarray:

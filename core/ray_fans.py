@@ -1,0 +1,174 @@
+"""What fans of rays meet first: many rays from many points against a few faces, without divisions and without a tree.
+
+Points that look the same way share the directions of their rays, points that look at the same places share the places: what
+depends on the ray and what depends on the point part, and a test of a ray and a face is a handful of products.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .exitance_map import ExitanceMap
+from .occlusion import Blockers
+
+SAME = np.float32(1 + 1e-3)
+"""Surfaces this little nearer than a portal are behind it: walls that a portal lies in."""
+SEAM = np.float32(1 - 1e-5)
+"""Faces reach this little farther than they do, so that no ray slips through the seam of two."""
+_CELLS = 1 << 17
+"""Tests made at once: the handful of arrays of this size stay in the cache."""
+
+
+class Workspace:
+    """Working arrays, used again and again: fresh memory from the system costs more than the arithmetic."""
+
+    def __init__(self) -> None:
+        self._floats = [np.empty(_CELLS, np.float32) for _ in range(3)]
+        self._bools = np.empty(_CELLS, bool)
+
+    def take(self, *shape: int) -> tuple[np.ndarray, ...]:
+        """Three float32 arrays and a bool one of a shape, with anything in them."""
+        size = int(np.prod(shape))
+        if size > _CELLS:
+            return (*(np.empty(shape, np.float32) for _ in range(3)), np.empty(shape, bool))
+        return (*(x[:size].reshape(shape) for x in self._floats), self._bools[:size].reshape(shape))
+
+
+@dataclass(frozen=True)
+class Faces:
+    """K faces: triangles first, then parallelograms, the last ``stops`` of them portals, where rays end and find nothing.
+
+    normal, dual_x, dual_y, offset : (K, 3) float32 as of :class:`Blockers`;  triangles : number of triangles
+    corners : (K, 4, 3);  middle : (K, 3), reach : (K,) a ball around each;  id : (K,) of the blockers, -1 for portals
+    """
+
+    normal: np.ndarray
+    dual_x: np.ndarray
+    dual_y: np.ndarray
+    offset: np.ndarray
+    corners: np.ndarray
+    middle: np.ndarray
+    reach: np.ndarray
+    id: np.ndarray
+    triangles: int
+    stops: int
+    clearance: float
+
+    def __len__(self) -> int:
+        return len(self.id)
+
+    def take(self, index: np.ndarray) -> Faces:
+        """Some of the faces, ``index`` rising."""
+        arrays = (self.normal, self.dual_x, self.dual_y, self.offset, self.corners, self.middle, self.reach, self.id)
+        triangles, before = np.searchsorted(index, (self.triangles, len(self) - self.stops))
+        return Faces(*(x[index] for x in arrays), int(triangles), int(len(index) - before), self.clearance)
+
+    def toward(self, centre: np.ndarray, radius: float, axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
+        """(K, t) bool: the face may lie in a cone around ``axis`` (t, 3) of half-angle ``angle`` (t,) from some point of a ball."""
+        offset = self.middle - centre
+        distance = np.maximum(np.sqrt((offset * offset).sum(1)), 1e-9)
+        sine = (self.reach + radius) / distance
+        own = np.where(sine < 1, np.arcsin(np.minimum(sine, 1)), np.pi)
+        return np.arccos(np.clip(offset @ axis.T / distance[:, None], -1, 1)) <= own[:, None] + angle + 1e-3
+
+
+def faces_of(blockers: Blockers, portals: Blockers) -> Faces:
+    """Blockers, and portals as stops."""
+    order = np.argsort(~blockers.triangle, kind="stable")
+    parts = [
+        np.concatenate([getattr(blockers, n)[order], getattr(portals, n)]) for n in ("normal", "dual_x", "dual_y", "offset", "corners")
+    ]
+    normal, dual_x, dual_y, offset, corners = parts
+    offset = offset * np.array([1, SEAM, SEAM], np.float32)
+    middle = 0.5 * (corners.min(1) + corners.max(1))
+    reach = np.linalg.norm(corners - middle[:, None], axis=2).max(1, initial=0)
+    ids = np.concatenate([blockers.id[order], np.full(len(portals), -1)])
+    triangles = int(blockers.triangle.sum())
+    return Faces(normal, dual_x * SEAM, dual_y * SEAM, offset, corners, middle, reach, ids, triangles, len(portals), blockers.clearance)
+
+
+@dataclass(frozen=True)
+class Fan:
+    """r rays of one shape from every point, as faces k see them; distances are measured in units of each ray.
+
+    Hemisphere: unit directions, the same for all points. Portal: from each point to the same places, at distance 1.
+    along, across_x, across_y : (r, K) float32, directions or places in the coordinates of the faces
+    begin : 1 over the distance of what ``along`` zero stands for, 0 for directions and 1 for places
+    """
+
+    along: np.ndarray
+    across_x: np.ndarray
+    across_y: np.ndarray
+    begin: float
+
+
+def directed(faces: Faces, directions: np.ndarray) -> Fan:
+    """Rays along unit directions (r, 3)."""
+    return Fan(*(directions @ m.T for m in (faces.normal, faces.dual_x, faces.dual_y)), 0.0)
+
+
+def aimed(faces: Faces, places: np.ndarray) -> Fan:
+    """Rays to places (r, 3)."""
+    return Fan(*(places @ m.T - faces.offset[:, k] for k, m in enumerate((faces.normal, faces.dual_x, faces.dual_y))), 1.0)
+
+
+def look(faces: Faces, fan: Fan, exitance: ExitanceMap, points: np.ndarray, work: Workspace) -> np.ndarray:
+    """(n, r, 3) exitance that the rays of a fan from points (n, 3) meet first, zero at backs and portals.
+
+    To places only what lies behind them counts: a ray is blocked by what is nearer. With w = 1 / distance along the ray a face is met
+    where |x w| <= w and |y w| <= w, and all three are linear in the direction: no divisions, and the nearest face has the greatest w.
+    """
+    out = np.zeros((len(points), len(fan.along), 3), np.float32)
+    if len(faces):
+        step = max(1, _CELLS // max(1, len(fan.along) * len(faces)))
+        for start in range(0, len(points), step):
+            _look(faces, fan, exitance, points[start : start + step], work, out[start : start + step])
+    return out
+
+
+def _look(faces: Faces, fan: Fan, exitance: ExitanceMap, points: np.ndarray, work: Workspace, out: np.ndarray) -> None:
+    height = points @ faces.normal.T
+    height -= faces.offset[:, 0]
+    x0, y0 = (points @ d.T - faces.offset[:, k] for k, d in ((1, faces.dual_x), (2, faces.dual_y)))
+    clear = np.abs(height) > faces.clearance
+    scale = np.where(clear, -1 / np.where(clear, height, 1), 0).astype(np.float32)
+    w, x, y, hit = work.take(len(points), len(fan.along), len(faces))
+    np.multiply(scale[:, None], fan.along, out=w)
+    np.multiply(x0[:, None], w, out=x)
+    x += fan.across_x
+    np.multiply(y0[:, None], w, out=y)
+    y += fan.across_y
+    if fan.begin:
+        w += np.float32(fan.begin)
+        w *= clear[:, None]
+    _meet(w, x, y, hit, faces)
+    if faces.stops:
+        w[..., -faces.stops :] *= SAME
+    best = w.argmax(2)
+    row = np.arange(len(points))[:, None]
+    found = np.take_along_axis(w, best[..., None], 2)[..., 0]
+    lit = (found > 0) & (height[row, best] > 0) & (faces.id[best] >= 0)
+    if fan.begin:
+        lit &= found <= fan.begin * SAME
+    p, r = np.nonzero(lit)
+    k, w = best[p, r], found[p, r]
+    sx, sy = ((z[p, k] * (w - np.float32(fan.begin)) + across[r, k]) / w for z, across in ((x0, fan.across_x), (y0, fan.across_y)))
+    quad = k >= faces.triangles
+    sx, sy = (np.clip(np.where(quad, 0.5 * s + 0.5, s), 0, 1) for s in (sx, sy))
+    out[p, r] = exitance.at(faces.id[k], sx, sy)
+
+
+def _meet(w: np.ndarray, x: np.ndarray, y: np.ndarray, hit: np.ndarray, faces: Faces) -> None:
+    """Set ``w`` (n, r, K) to zero where the ray misses the face; the others are used up."""
+    some = faces.triangles
+    if some:
+        a, b, c = w[..., :some], x[..., :some], y[..., :some]
+        a *= (b >= 0) & (c >= 0) & (b + c <= a)
+        w, x, y, hit = w[..., some:], x[..., some:], y[..., some:], hit[..., some:]
+    np.abs(x, out=x)
+    np.abs(y, out=y)
+    np.maximum(x, y, out=x)
+    np.less_equal(x, w, out=hit)
+    w *= hit
