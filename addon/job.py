@@ -10,7 +10,7 @@ import os
 import time
 from collections import Counter
 from collections.abc import Callable, Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import bpy
@@ -104,6 +104,14 @@ def read(context: bpy.types.Context, options: Options, bake: BakeOptions) -> Rea
     return Reading(context.scene.name, extraction, tuple(receivers), options, bake, tuple(warnings))
 
 
+def _suited(options: Options, bake: BakeOptions) -> Options:
+    """The options with what is left to the program decided.
+
+    Texels lie close together: the faint streaks that a limited number of rays leaves would be seen in a texture, not in vertex colours.
+    """
+    return replace(options, reflected="elements") if options.reflected == "auto" and bake.target == "texture" else options
+
+
 def local_object(name: str) -> bpy.types.Object | None:
     """The object of this name that is not linked from a library."""
     thing = bpy.data.objects.get(name)
@@ -145,7 +153,7 @@ def work(reading: Reading, run: Callable[[Scene, Options], Generator] | None = N
     pages, names, warnings = _plan(reading, carriers) if bake.target == "texture" else ((), (), [])
 
     share = SOLVE_SHARE[bake.target]
-    solver = run(scene, reading.options)
+    solver = run(scene, _suited(reading.options, reading.bake))
     try:
         while True:
             progress = next(solver)

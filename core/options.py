@@ -110,9 +110,9 @@ class Options:
         maximum=1e6,
     )
     reflected: str = _choice(
-        "gathered",
-        ("gathered", "elements"),
-        "Reflected light at a point: gathered by rays from there, or interpolated from the elements (faster where points are many)",
+        "auto",
+        ("auto", "gathered", "elements"),
+        "Reflected light: gathered by rays at each point, or interpolated from the elements (faster, smoother); auto does so for textures",
     )
     max_iterations: int = _option(100, "int", "Most iterations of shooting, each visiting every emitter once", minimum=1, maximum=100_000)
     memory: int = _option(

@@ -80,7 +80,7 @@ def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
     escaped = escape.escaped_power(building, forest, irradiance, lost, workers)
     report = report_of(scene.polygon_count, building, forest, linking, radiosity, irradiance, lost, closed, escaped)
     report |= {"shadow_tests": shadow_tests, "warnings": list(findings), "seconds": clock.seconds}
-    rays = limits.rays if options.reflected == "gathered" else 0
+    rays = 0 if options.reflected == "elements" else limits.rays
     solution = Solution(scene, building, forest, lamps, light, radiosity.irradiance, rays, limits.min_size / 2, workers, report)
     store.keep("light", solution.light)
     return solution

@@ -430,3 +430,21 @@ def test_textured_paint_is_multiplied_with_lighting(shop, tmp_path):
     table = shop.mesh([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(0, 1, 2, 3)], "Table", material=paint)
     shop.bake(material=True, quantity="lighting")
     assert render(shop, table, tmp_path) == pytest.approx(light([0, 0, 0]) * [0.2, 0.4, 0.6] / math.pi, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("target", "asked", "expected"),
+    [("vertex", "auto", "auto"), ("texture", "auto", "elements"), ("texture", "gathered", "gathered"), ("vertex", "elements", "elements")],
+)
+def test_textures_are_interpolated_unless_asked_otherwise(shop, target, asked, expected):
+    shop.box((0, 0, 0), (1, 1, 1), "Crate")
+    seen = []
+
+    def asked_for(scene, options):
+        seen.append(options.reflected)
+        raise SceneError("far enough")
+        yield
+
+    with pytest.raises(SceneError, match="far enough"):
+        shop.bake(options=Options(reflected=asked), solver=asked_for, target=target)
+    assert seen == [expected]
