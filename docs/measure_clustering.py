@@ -61,6 +61,7 @@ paper and goes beyond it where that measured better:
 `--split-merge 0 --seeding random --huge-room 1000000000` is the paper's algorithm to the letter. A distance of your own is a
 function `distance(items, rows, candidates)` that returns one row of numbers per polygon, one number per cluster that it may join;
 `candidates` has the clusters' barycenters, boxes, and mean normals, reflectances and emissions.
+Splits and merges go by boxes whatever the distance: to cluster by photometry alone, add `--split-merge 0`.
 
     from enfilade.core.clustering import cluster_items, cluster_items_of, weighted_sum, DISTANCE_FUNCTIONS
 
