@@ -368,31 +368,43 @@ def first_hits(blockers: Blockers, origins: np.ndarray, directions: np.ndarray) 
     hits = Hits(np.full(count, -1), np.zeros(count, bool), np.zeros(count, bool))
     if not len(blockers):
         return hits
-    step = max(1, (1 << 17) // len(blockers))
+    step = max(1, _BLOCK // len(blockers))
+    triangle = np.flatnonzero(blockers.triangle)
     for start in range(0, count, step):
         here = slice(start, start + step)
         o, d = origins[here], directions[here]
-        height = o @ blockers.normal.T - blockers.offset[:, 0]
-        slope = d @ blockers.normal.T
-        ahead = (height * slope < 0) & (np.abs(height) > blockers.clearance)
-        t = np.where(ahead, -height, np.inf)
-        np.divide(t, slope, out=t, where=ahead)
-        # Only what lies ahead in a blocker's plane is looked at in its frame.
-        ray, k = np.nonzero(ahead)
-        point = o[ray] + t[ray, k, None] * d[ray]
-        x = np.einsum("ij,ij->i", point, blockers.dual_x[k]) - blockers.offset[k, 1]
-        y = np.einsum("ij,ij->i", point, blockers.dual_y[k]) - blockers.offset[k, 2]
-        inside = np.where(blockers.triangle[k], (x >= 0) & (y >= 0) & (x + y <= 1), (np.abs(x) <= 1) & (np.abs(y) <= 1))
-        t[ray[~inside], k[~inside]] = np.inf
-        front, back = np.where(slope < 0, t, np.inf), np.where(slope > 0, t, np.inf)
-        nearest, rear = front.argmin(1), back.argmin(1)
+        height = o @ blockers.normal.T
+        height -= blockers.offset[:, 0]
+        clear = np.abs(height) > blockers.clearance
+        # With w = 1 / distance the places x w and y w in the blocker's frame are linear in the direction: all tests without division.
+        w = np.where(clear, -1 / np.where(clear, height, 1), 0)
+        w *= d @ blockers.normal.T
+        x, y = (_over_distance(o, d, w, dual, blockers.offset[:, k]) for k, dual in ((1, blockers.dual_x), (2, blockers.dual_y)))
+        hit = np.maximum(np.abs(x), np.abs(y)) <= w
+        if len(triangle):
+            a, b, c = x[:, triangle], y[:, triangle], w[:, triangle]
+            hit[:, triangle] = (a >= 0) & (b >= 0) & (a + b <= c)
+        w *= hit
+        front = height > 0
+        to_front, to_back = w * front, w * ~front
+        nearest, rear = to_front.argmax(1), to_back.argmax(1)
         row = np.arange(len(nearest))
-        to_front, to_back = front[row, nearest], back[row, rear]
+        with np.errstate(divide="ignore"):
+            to_front, to_back = 1 / np.maximum(to_front[row, nearest], 0), 1 / np.maximum(to_back[row, rear], 0)
         met, same = np.isfinite(np.minimum(to_front, to_back)), 4 * blockers.clearance
         hits.behind[here] = met & (to_back < to_front - same)
         hits.both[here] = met & (to_back <= to_front + same) & ~hits.behind[here]
         hits.blocker[here] = np.where(met, np.where(hits.behind[here], rear, nearest), -1)
     return hits
+
+
+def _over_distance(o: np.ndarray, d: np.ndarray, w: np.ndarray, dual: np.ndarray, offset: np.ndarray) -> np.ndarray:
+    """(n, K) coordinate along ``dual`` of where rays meet the planes of blockers, over the distance: ``w`` (n, K) times it."""
+    out = o @ dual.T
+    out -= offset
+    out *= w
+    out += d @ dual.T
+    return out
 
 
 def hemisphere(count: int) -> np.ndarray:
