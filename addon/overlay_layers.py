@@ -49,8 +49,8 @@ def clusters_content(found: Inspection) -> Content:
     """Every cluster in a colour of its own, with its box; clusters of one large surface are paler and have no box."""
     clusters = found.clusters
     gathered = np.diff(clusters.start) > 1
-    title = f"{len(clusters)} clusters of {found.scene.polygon_count} polygons in {found.scene.room_count} rooms"
-    note = f"{gathered.sum()} of several surfaces, in colours and boxes; {(~gathered).sum()} of one surface, pale"
+    title = f"{len(clusters):,} clusters of {found.scene.polygon_count:,} polygons in {found.scene.room_count} rooms"
+    note = f"{gathered.sum():,} of several surfaces, in colours and boxes; {(~gathered).sum():,} of one surface, pale"
     return _groups_content(found, np.arange(len(clusters)), gathered, clusters.box_min, clusters.box_max, title, note)
 
 

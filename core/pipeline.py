@@ -59,7 +59,7 @@ def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
     light, room, shadow_tests = yield from _follow(first_shots, 0.06, 0.2, lambda: "Light of the luminaires")
     estimate = _estimate(building, forest, light, room, limits.exchange)
     oracle = refinement.link(building, forest, estimate, limits.min_size, workers)
-    linking = yield from _follow(oracle, 0.2, 0.7, lambda: f"Linking {len(forest)} elements")
+    linking = yield from _follow(oracle, 0.2, 0.7, lambda: f"Linking {len(forest):,} elements")
     exchanges = _within(options, linking.links, store)
     light = illumination.extended(forest, light)
 
@@ -70,7 +70,7 @@ def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
     unit, units = (np.arange(len(clusters)), len(clusters)) if by_cluster else (clusters.room, scene.room_count)
     of_element = unit[clusters.cluster_of[forest.region]]
     shooter = Shooter(forest, exchanges, of_element, units, light, gain, emitted_power(building))
-    yield Progress("solve", 0.7, f"Ordering {units} emitters")
+    yield Progress("solve", 0.7, f"Ordering {units:,} emitters")
     sets = ordering.visible_sets(building.graph, clusters.polygons, unit, units)
     strategy = ordering.STRATEGIES[options.ordering](sets)
     radiosity = yield from _shoot(shooter.run(strategy, rng, limits.unshot, options.max_iterations), limits.unshot)
@@ -95,13 +95,13 @@ def _build(scene: Scene, options: Options, rng: np.random.Generator, clock: _Clo
     store.keep("regions", surfaces)
     clock.lap("merge")
 
-    yield Progress("cluster", 0.02, f"Clustering {len(surfaces)} surfaces")
+    yield Progress("cluster", 0.02, f"Clustering {len(surfaces):,} surfaces")
     items = items_of(surfaces)
     clusters = clustering.cluster_as_chosen(items, scene.room_count, options, rng)
     store.keep("clusters", clusters)
     clock.lap("cluster")
 
-    yield Progress("graph", 0.04, f"Visibility of {len(clusters)} clusters")
+    yield Progress("graph", 0.04, f"Visibility of {len(clusters):,} clusters")
     graph, findings = visibility_graph.build_as_chosen(clusters, items, scene.portals, scene.room_names, options)
     store.keep("graph", graph)
     clock.lap("graph")
