@@ -126,7 +126,7 @@ class ENFILADE_PT_solver(_SubPanel, bpy.types.Panel):
         column = self.start()
         solve = context.scene.enfilade.solve
         for group in (
-            ("order", "min_element_size", "max_iterations"),
+            ("reflected", "order", "min_element_size", "max_iterations"),
             ("average", "large_polygon", "distance", "reflectance_weight", "emission_weight", "orientation_weight"),
             ("seeding", "split_merge", "huge_room", "hierarchy_children"),
             ("emitters", "volumes", "ordering"),

@@ -18,6 +18,7 @@ _LABELS = {
     "average": "Cluster Size",
     "emitters": "Shoot From",
     "volumes": "Seen Through",
+    "reflected": "Reflected Light",
     "min_element_size": "Element Size",
     "max_resolution": "Resolution",
     "name": "Bake Name",
