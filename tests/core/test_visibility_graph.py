@@ -1,35 +1,19 @@
 """The cluster visibility graph: it never lacks a pair that a line of sight joins, and lacks most of the others."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 from enfilade.core import visibility_graph
-from enfilade.core.clustering import Clusters, cells, cluster_items, cluster_items_of
+from enfilade.core.clustering import cells, cluster_items, cluster_items_of
 from enfilade.core.scene import Portals, no_portals
 from enfilade.core.scene_files import load_scene
 from enfilade.core.stage_files import load_stage, save_stage
 from enfilade.core.visibility_graph import VisibilityGraph, build
+from portal_worlds import WORLDS, box_clusters, world_of
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 SIGNS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-
-
-def clusters_of(low, high, room, rooms, polygons=None):
-    """Clusters that are only boxes with rooms."""
-    count = len(room)
-    return Clusters(
-        cluster_of=np.arange(count, dtype=np.int32),
-        start=np.arange(count + 1),
-        members=np.arange(count, dtype=np.int32),
-        room=np.asarray(room, np.int32),
-        polygons=np.ones(count, np.int64) if polygons is None else np.asarray(polygons),
-        box_min=np.asarray(low, float).reshape(-1, 3),
-        box_max=np.asarray(high, float).reshape(-1, 3),
-        iterations=np.zeros(rooms, np.int32),
-        oscillated=np.zeros(rooms, bool),
-    )
 
 
 def portals_of(polygons, rooms):
@@ -42,7 +26,7 @@ def graph_of(low, high, room, polygons, portal_rooms, rooms, turn=None, shift=0.
     """The graph of boxes and portals, turned by a rotation and shifted: the boxes become those around the turned ones."""
     turn = np.eye(3) if turn is None else turn
     corners = np.where(SIGNS[:, None], high, low) @ turn.T + shift
-    clusters = clusters_of(corners.min(axis=0), corners.max(axis=0), room, rooms)
+    clusters = box_clusters(corners.min(axis=0), corners.max(axis=0), room, rooms)
     graph, findings = build(clusters, portals_of([np.asarray(p, float) @ turn.T + shift for p in polygons], portal_rooms), [""] * rooms)
     assert findings == ()
     return graph
@@ -179,17 +163,10 @@ def test_few_pairs_are_kept_without_need():
 
 
 @pytest.mark.parametrize("turn", [0, 1, 2])
-@pytest.mark.parametrize("case", json.loads((DATA / "portal_worlds.json").read_text()), ids=lambda case: case["title"])
+@pytest.mark.parametrize("case", WORLDS, ids=lambda case: case["title"])
 def test_worlds_with_proven_pairs(case, turn):
-    low, high = (np.array([c[key] for c in case["clusters"]]) for key in ("low", "high"))
-    room = np.array([c["room"] for c in case["clusters"]])
-    middle = np.array([0.5 * (low[room == r].min(axis=0) + high[room == r].max(axis=0)) for r in range(case["rooms"])])
-    polygons = []
-    for portal in case["portals"]:
-        corners, (a, b) = np.array(portal["corners"], float), portal["rooms"]
-        normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-        polygons.append(corners if normal @ (middle[b] - middle[a]) > 0 else corners[::-1])
-    graph = graph_of(low, high, room, polygons, [p["rooms"] for p in case["portals"]], case["rooms"], rotation(turn))
+    low, high, room, polygons, rooms = world_of(case)
+    graph = graph_of(low, high, room, polygons, rooms, case["rooms"], rotation(turn))
     proven = {tuple(sorted(pair)) for pair in case["visible_pairs"]}
     assert not proven - pairs(graph)
     if turn == 0:
@@ -295,7 +272,7 @@ def test_chains_longer_than_the_longest_are_kept_and_told(monkeypatch):
     monkeypatch.setattr(visibility_graph, "MAX_PORTALS", 3)
     boxes = np.array([(2 + 4 * i, 2, 1) for i in range(8)], float)
     doors = portals_of([rectangle(0, 4.0 * (i + 1), (1.5, 0), (2.5, 2)) for i in range(7)], [(i, i + 1) for i in range(7)])
-    graph, findings = build(clusters_of(boxes - 0.1, boxes + 0.1, range(8), 8), doors, [f"r{i}" for i in range(8)])
+    graph, findings = build(box_clusters(boxes - 0.1, boxes + 0.1, range(8), 8), doors, [f"r{i}" for i in range(8)])
     assert len(pairs(graph)) == 28
     assert findings == (
         "a line of sight through more than 3 portals is not followed further, all that is connected counts as visible: r0 > r1 > r2 > r3",
@@ -326,7 +303,7 @@ def test_mutual_pairs_of_a_large_graph():
 def test_sets_are_weighed_listed_and_saved(tmp_path):
     door = rectangle(0, 4.0, (0, 0), (2, 2))
     low = np.array([[1, 0.5, 1], [6, 0.5, 1], [1, 9, 1]], float)
-    clusters = clusters_of(low, low + 0.1, [0, 1, 2], 3, polygons=[5, 7, 11])
+    clusters = box_clusters(low, low + 0.1, [0, 1, 2], 3, polygons=[5, 7, 11])
     graph, _ = build(clusters, portals_of([door], [(0, 1)]), ["a", "b", "c"])
     assert graph.pvs_polygons.tolist() == [12, 12, 11]
     start, members = graph.lists()
@@ -339,7 +316,7 @@ def test_sets_are_weighed_listed_and_saved(tmp_path):
 
 
 def test_no_clusters_and_no_portals():
-    graph, findings = build(clusters_of([], [], [], 0), no_portals(), [])
+    graph, findings = build(box_clusters([], [], [], 0), no_portals(), [])
     assert (len(graph), findings) == (0, ())
     assert graph.lists()[0].tolist() == [0]
 

@@ -1,11 +1,10 @@
 """Portals of every kind: bent, lying, oblique, in one plane, framed as in the paper; and the sight of one cluster."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-from enfilade.core.clustering import Clusters, cells, cluster_items, cluster_items_of
+from enfilade.core.clustering import cells, cluster_items, cluster_items_of
 from enfilade.core.options import Options
 from enfilade.core.portal_world import PortalWorld
 from enfilade.core.scene import Portals
@@ -15,25 +14,10 @@ from enfilade.core.sight import sight
 from enfilade.core.stage_files import load_stage, save_stage
 from enfilade.core.visibility_graph import VisibilityGraph, build, build_as_chosen
 from enfilade.docs import sightlines
+from portal_worlds import WORLDS, box_clusters, world_of
 from scenery import box, portals_of, rectangle, rotation, scene_of
 
 DATA = Path(__file__).resolve().parents[1] / "data"
-
-
-def boxes(low, high, room):
-    """Clusters that are only boxes with rooms."""
-    count, rooms = len(room), max(room) + 1
-    return Clusters(
-        cluster_of=np.arange(count, dtype=np.int32),
-        start=np.arange(count + 1),
-        members=np.arange(count, dtype=np.int32),
-        room=np.asarray(room, np.int32),
-        polygons=np.ones(count, np.int64),
-        box_min=np.asarray(low, float),
-        box_max=np.asarray(high, float),
-        iterations=np.zeros(rooms, np.int32),
-        oscillated=np.zeros(rooms, bool),
-    )
 
 
 def graph_of(clusters, portals, volumes="windows"):
@@ -82,7 +66,7 @@ def test_no_line_through_a_bent_portal_is_missed(seed, volumes):
     checked, findings = check(scene)
     assert "portal_hull" in [finding.kind for finding in findings]
     assert checked.portals.depth[0] > 0.05
-    graph = graph_of(boxes(low, high, room), checked.portals, volumes)
+    graph = graph_of(box_clusters(low, high, room), checked.portals, volumes)
     a, b = rng.integers(0, 40, 40_000), rng.integers(40, 80, 40_000)
     p, q = (low[k] + rng.random((len(k), 3)) * (high - low)[k] for k in (a, b))
     seen = np.zeros(len(a), bool)
@@ -106,7 +90,7 @@ def test_a_stair_well_and_a_roof_light(volumes):
     # Rooms over one another, openings of 2 x 2 m: straight up through both, and 45 degrees at most through the first.
     wells = [rectangle((1, 1, z), (2, 0, 0), (0, 2, 0)) for z in (3.0, 6.0)]
     low = np.array([(2, 2, 0), (2, 2, 7), (0.1, 2, 4), (2, 2, 5.9), (0.2, 2, 7)], float)
-    graph = graph_of(boxes(low, low + 0.1, [0, 2, 1, 1, 2]), portals_of(wells, [(0, 1), (1, 2)]), volumes)
+    graph = graph_of(box_clusters(low, low + 0.1, [0, 2, 1, 1, 2]), portals_of(wells, [(0, 1), (1, 2)]), volumes)
     assert graph.neighbours(0).tolist() == [0, 1, 3]
     assert graph.sees(1, 4)
     assert not graph.sees(0, 4)  # from 2.1 over the edge x = 1 at z = 3, at most to x = 1 at z = 6 again
@@ -121,7 +105,7 @@ def test_doors_of_one_wall_do_not_look_through_each_other():
         corners = np.stack([low, high], axis=1)
         if turn is not None and not np.allclose(turn, np.eye(3)):
             corners = np.stack([np.where([(s >> k) & 1 for k in range(3)], high, low) for s in range(8)], axis=1) @ turn.T
-        clusters = boxes(corners.min(axis=1), corners.max(axis=1), [0, 0, 1, 1, 2])
+        clusters = box_clusters(corners.min(axis=1), corners.max(axis=1), [0, 0, 1, 1, 2])
         graph = graph_of(clusters, portals_of([d @ turn.T for d in doors], [(0, 2), (1, 2)]))
         if np.allclose(turn, np.eye(3)):
             assert not pairs(graph)[:2, 2:4].any()
@@ -153,7 +137,7 @@ def test_upright_rectangles_are_their_own_frames_and_others_their_boxes():
     door = rectangle((1, 0, 0), (0, 2, 0), (0, 0, 2)) @ turn.T
     triangle = np.array([(5, 0, 0), (5, 2, 0), (5, 1, 2)], float)
     slope = rectangle((8, 0, 0), (0, 2, 0), (1, 0, 2))
-    world = PortalWorld(boxes([(0, 0, 0)], [(9, 3, 3)], [1]), portals_of([door, triangle, slope], [(0, 1)] * 3), 2, True, None)
+    world = PortalWorld(box_clusters([(0, 0, 0)], [(9, 3, 3)], [1]), portals_of([door, triangle, slope], [(0, 1)] * 3), 2, True, None)
     given = {k: d for d, k in enumerate(world.portal) if world.source[d] == 0}
     corners = world.window + world.middle
     same = np.linalg.norm(corners[given[0]][:, None] - door, axis=2).min(axis=0)
@@ -164,18 +148,10 @@ def test_upright_rectangles_are_their_own_frames_and_others_their_boxes():
     np.testing.assert_allclose([corners[given[2]].min(0), corners[given[2]].max(0)], [(8.5, 0, 0), (8.5, 2, 2)])
 
 
-@pytest.mark.parametrize("case", json.loads((DATA / "portal_worlds.json").read_text()), ids=lambda case: case["title"])
+@pytest.mark.parametrize("case", WORLDS, ids=lambda case: case["title"])
 def test_the_volumes_of_the_paper_miss_nothing(case):
-    low, high = (np.array([c[key] for c in case["clusters"]]) for key in ("low", "high"))
-    room = np.array([c["room"] for c in case["clusters"]])
-    middle = np.array([0.5 * (low[room == r].min(axis=0) + high[room == r].max(axis=0)) for r in range(case["rooms"])])
-    polygons = []
-    for portal in case["portals"]:
-        corners, (a, b) = np.array(portal["corners"], float), portal["rooms"]
-        normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-        polygons.append(corners if normal @ (middle[b] - middle[a]) > 0 else corners[::-1])
-    portals = portals_of(polygons, [p["rooms"] for p in case["portals"]])
-    graph = graph_of(boxes(low, high, room), portals, "boxes")
+    low, high, room, polygons, rooms = world_of(case)
+    graph = graph_of(box_clusters(low, high, room), portals_of(polygons, rooms), "boxes")
     for i, j in case["visible_pairs"]:
         assert graph.sees(i, j)
 
@@ -213,7 +189,7 @@ def enfilade(rooms):
     """Rooms of 4 x 4 x 3 m in a row, doors in line, a cube in the middle of each; and a way round from the first to the third."""
     doors = [rectangle((4.0 * (i + 1), 1.5, 0), (0, 1, 0), (0, 0, 2)) for i in range(rooms - 1)]
     low = np.array([(4.0 * i + 1.9, 1.9, 0.9) for i in range(rooms)])
-    return boxes(low, low + 0.2, list(range(rooms))), portals_of(doors, [(i, i + 1) for i in range(rooms - 1)])
+    return box_clusters(low, low + 0.2, list(range(rooms))), portals_of(doors, [(i, i + 1) for i in range(rooms - 1)])
 
 
 @pytest.mark.parametrize("volumes", ["windows", "boxes"])
@@ -233,7 +209,7 @@ def test_the_shortest_chain_is_told_and_what_is_not_seen():
     clusters, portals = enfilade(3)
     wide = rectangle((6, -3, 0), (0, 3, 0), (0, 0, 3))
     low = np.concatenate([clusters.box_min, [(0.1, 3.8, 0.1), (11, -2.5, 1)]])
-    more = boxes(low, low + 0.1, [0, 1, 2, 0, 2])
+    more = box_clusters(low, low + 0.1, [0, 1, 2, 0, 2])
     both = portals_of([*(portals.polygon(k) for k in range(2)), wide], [(0, 1), (1, 2), (0, 2)])
     graph = graph_of(more, both)
     seen = sight(more, both, 3, 0, graph)
@@ -269,7 +245,7 @@ def test_every_edge_of_a_house_has_a_chain_from_room_to_room():
 def test_the_volume_behind_a_door_is_the_known_pyramid():
     # A point-like cube 2 m before a door of 1 x 2 m: at 2 m behind it the view is 2 m wide, cut by the room of 4 x 4 x 3 m.
     low = np.array([(2, 2, 1), (4, 0, 0), (7.9, 3.9, 2.9)])
-    clusters = boxes(low, low + [(1e-6,) * 3, (0.1,) * 3, (0.1,) * 3], [0, 1, 1])
+    clusters = box_clusters(low, low + [(1e-6,) * 3, (0.1,) * 3, (0.1,) * 3], [0, 1, 1])
     portals = portals_of([rectangle((4, 1.5, 0), (0, 1, 0), (0, 0, 2))], [(0, 1)])
     seen = sight(clusters, portals, 2, 0, graph_of(clusters, portals))
     assert len(seen.portal) == 1
