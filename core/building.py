@@ -22,10 +22,6 @@ class Doors:
     area: np.ndarray
     frames: Blockers
 
-    def of_room(self, room: int) -> Blockers:
-        """The frames of the portals of one room."""
-        return self.frames.take(np.flatnonzero((self.rooms == room).any(1)))
-
 
 def doors_of(portals: Portals, centre: np.ndarray) -> Doors:
     """Rooms, areas and surrounding rectangles of all portals; ``centre`` (3,) of the scene, to which frames are relative."""

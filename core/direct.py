@@ -142,8 +142,8 @@ def direct_light(building: Building, luminaires: Luminaires, points: np.ndarray,
 
 @dataclass(frozen=True)
 class _Scope:
-    """What matters to a block of K patches: ``lamps`` (L,), bodies and rooms of the patches and then of the lamps, and the
-    clusters ``nearby`` that hold all that can be in the way; pairs (patch, lamp) within a room, and between rooms.
+    """What matters to a block of K patches: ``lamps`` (L,), the bodies of the patches and then of the lamps, the clusters
+    ``nearby`` that hold all that can be in the way, and the pairs (patch, lamp) within a room, and between rooms.
     """
 
     lamps: np.ndarray

@@ -10,7 +10,7 @@ import numpy as np
 
 from .building import Building
 from .elements import Forest
-from .occlusion import first_hits
+from .occlusion import first_hits, kronecker
 from .parallel import ordered_map
 
 RAYS = 1 << 15
@@ -79,8 +79,7 @@ def _cast(building: Building, forest: Forest, weight: np.ndarray, workers: int) 
 
 def _directions(count: int, regions, region: np.ndarray) -> np.ndarray:
     """(n, 3) float32 cosine-distributed directions about the normals of ``region``, a two-dimensional Kronecker sequence."""
-    k = np.arange(count)
-    first, second = (0.5 + k * 0.7548776662466927) % 1, (0.5 + k * 0.5698402909980532) % 1
+    first, second = kronecker(np.arange(count))
     radius, angle = np.sqrt(first), 2 * np.pi * second
     local = (radius * np.cos(angle), radius * np.sin(angle), np.sqrt(np.maximum(1 - first, 0)))
     return sum(x[:, None] * axis[region] for x, axis in zip(local, (regions.u, regions.v, regions.normal), strict=True)).astype(np.float32)

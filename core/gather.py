@@ -18,7 +18,7 @@ from . import transport
 from .building import Building
 from .exitance_map import ExitanceMap
 from .grouping import morton
-from .occlusion import Blockers, hemisphere
+from .occlusion import Blockers, hemisphere, kronecker
 from .parallel import ordered_map
 from .ray_fans import Faces, Workspace, aimed, directed, faces_of, look
 
@@ -35,11 +35,10 @@ SHELF, SHEAF = 16, 96
 
 @dataclass(frozen=True)
 class Gathered:
-    """Reflected irradiance (n, 3) float32, W/m2, at the points ``index`` (n,), and the ray-blocker tests that it took."""
+    """Reflected irradiance (n, 3) float32, W/m2, at the points ``index`` (n,)."""
 
     index: np.ndarray
     irradiance: np.ndarray
-    tests: int
 
 
 @dataclass(frozen=True)
@@ -159,14 +158,14 @@ def _gather(building: Building, room: _Room, exitance: ExitanceMap, index, point
     for k in range(count):
         form[:, k] = _form(points, normals, room.frames.corners[k])
     near = np.where(form.max(1, initial=0) > NEAR, form.argmax(1), -1) if count else np.full(len(points), -1)
-    out, tests, work = np.zeros((len(points), 3)), 0, Workspace()
+    out, work = np.zeros((len(points), 3)), Workspace()
     # Points that face one way share the directions of their rays, whatever surface they lie on.
     frames, way = np.unique(np.round(frame, 6).reshape(-1, 9), axis=0, return_inverse=True)
     way = way.reshape(-1)
     for portal in np.unique(near):
         for k in np.unique(way[near == portal]):
             rows = np.flatnonzero((near == portal) & (way == k))
-            tests += _over_hemisphere(room.all_round[portal + 1], frames[k].reshape(3, 3), exitance, points, rows, rays, work, out)
+            _over_hemisphere(room.all_round[portal + 1], frames[k].reshape(3, 3), exitance, points, rows, rays, work, out)
     for portal in range(count):
         rows = np.flatnonzero((form[:, portal] > 0) & (near != portal))
         corners = room.frames.corners[portal]
@@ -176,13 +175,13 @@ def _gather(building: Building, room: _Room, exitance: ExitanceMap, index, point
         number = 8 * 2 ** np.floor(np.log2(number / 8)).astype(np.int64)
         for n in np.unique(number):
             mine = rows[number == n]
-            tests += _through(room.beyond[portal], corners, exitance, points, normals, form[:, portal], mine, int(n), work, out)
-    return Gathered(index, out.astype(np.float32), tests)
+            _through(room.beyond[portal], corners, exitance, points, normals, form[:, portal], mine, int(n), work, out)
+    return Gathered(index, out.astype(np.float32))
 
 
-def _over_hemisphere(faces: Faces, frame: np.ndarray, exitance: ExitanceMap, points, rows, rays: int, work: Workspace, out) -> int:
+def _over_hemisphere(faces: Faces, frame: np.ndarray, exitance: ExitanceMap, points, rows, rays: int, work: Workspace, out) -> None:
     """Add to ``out`` (n, 3) what rays over the hemisphere find from the points ``rows``, all with one frame (3, 3)."""
-    sheaves, tests = _sheaves(rays), 0
+    sheaves = _sheaves(rays)
     direction, axis = (sheaves.direction @ frame).astype(np.float32), sheaves.axis @ frame
     normal = frame[2].astype(np.float32)
     top = (faces.corners @ normal).max(1)
@@ -193,13 +192,11 @@ def _over_hemisphere(faces: Faces, frame: np.ndarray, exitance: ExitanceMap, poi
             here = slice(sheaves.start[t], sheaves.start[t + 1])
             some = faces.take(np.flatnonzero(seen[:, t]))
             out[part] += look(some, directed(some, direction[here]), exitance, points[part], work).sum(1) / rays
-            tests += len(part) * (here.stop - here.start) * len(some)
-    return tests
 
 
-def _through(faces: Faces, portal: np.ndarray, exitance: ExitanceMap, points, normals, form, rows, rays: int, work: Workspace, out) -> int:
+def _through(faces: Faces, portal: np.ndarray, exitance: ExitanceMap, points, normals, form, rows, rays: int, work: Workspace, out) -> None:
     """Add to ``out`` (n, 3) what rays to places in a portal (4, 3) find behind it from the points ``rows``."""
-    places, tests = _places(portal, rays), 0
+    places = _places(portal, rays)
     middle = portal.mean(0)
     size = float(np.linalg.norm(portal - middle, axis=1).max())
     across = np.cross(portal[1] - portal[0], portal[3] - portal[0])
@@ -215,8 +212,6 @@ def _through(faces: Faces, portal: np.ndarray, exitance: ExitanceMap, points, no
         weight /= squared * squared
         weight *= (form[part] / np.maximum(weight.sum(1), 1e-30))[:, None]
         out[part] += np.einsum("nr,nrc->nc", weight, look(some, aimed(some, places), exitance, points[part], work))
-        tests += len(part) * len(places) * len(some)
-    return tests
 
 
 def _form(points: np.ndarray, normals: np.ndarray, corners: np.ndarray) -> np.ndarray:
@@ -226,6 +221,5 @@ def _form(points: np.ndarray, normals: np.ndarray, corners: np.ndarray) -> np.nd
 
 def _places(corners: np.ndarray, count: int) -> np.ndarray:
     """(count, 3) places spread evenly over a parallelogram (4, 3)."""
-    k = np.arange(count)
-    x, y = ((0.5 + (k + 1) * step) % 1 for step in (0.7548776662466927, 0.5698402909980532))
+    x, y = kronecker(np.arange(count) + 1)
     return (corners[0] + x[:, None] * (corners[1] - corners[0]) + y[:, None] * (corners[3] - corners[0])).astype(np.float32)

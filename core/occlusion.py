@@ -412,3 +412,8 @@ def hemisphere(count: int) -> np.ndarray:
     k = np.arange(count) + 0.5
     radius, angle = np.sqrt(k / count), k * (np.pi * (3 - np.sqrt(5)))
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(np.maximum(1 - radius**2, 0))], axis=1)
+
+
+def kronecker(k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates x and y (n,) in [0, 1) of the members k (n,) of a two-dimensional Kronecker sequence: any run of it is evenly spread."""
+    return (0.5 + k * 0.7548776662466927) % 1, (0.5 + k * 0.5698402909980532) % 1
