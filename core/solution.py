@@ -39,6 +39,8 @@ class Light:
 class Solution:
     """Exitance and irradiance at surface points, and the ``report`` of the solve (a dict that JSON can hold).
 
+    ``clamped_values`` in it counts the values that :meth:`irradiance` has set to zero because they came out negative.
+
     The direct light of the luminaires is computed anew at every point. The reflected light is gathered there by ``rays`` over
     its hemisphere from the exitance of the wavelet solution, in texels of ``texel`` metres; without rays it is that of the elements.
     """
@@ -59,7 +61,7 @@ class Solution:
         self._scene, self._building, self._forest = scene, building, forest
         self._luminaires, self._direct, self._reflected, self._workers = luminaires, direct, reflected, workers
         self._rays, self._texel, self._map = rays, texel, None
-        self.report = report
+        self.report = report | {"clamped_values": 0}
 
     @property
     def light(self) -> Light:
@@ -98,6 +100,7 @@ class Solution:
             light[part.index] += part.irradiance
             done += len(part.index)
             yield done / whole
+        self.report["clamped_values"] += int((light < 0).sum())
         out[valid] = np.maximum(light, 0)
 
     def _exitance_map(self) -> ExitanceMap:

@@ -191,7 +191,9 @@ def test_steps_between_elements_are_softened():
 
 def test_negative_light_is_none():
     painted = Painted([rectangle((0, 0, 0), (4, 0, 0), (0, 4, 0))], lambda x: ramp(x) - 100)
+    assert painted.solution.report["clamped_values"] == 0
     assert not painted.solution.irradiance(np.array([[1.0, 1, 0]]), np.array([0])).any()
+    assert painted.solution.report["clamped_values"] == 3
     assert not painted.solution.polygon_exitance().any()
 
 
