@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Generator, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -24,11 +24,15 @@ from .stage_files import save_stage
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a solve is: the stage, the share of the whole run that is done (0..1), and a line for people."""
+    """Where a solve is: the stage, the share of the whole run that is done (0..1), and a line for people.
+
+    so_far : makes a solution of the light as it is, of the elements alone; to be called before the next step, None where there is none
+    """
 
     stage: str
     fraction: float
     message: str
+    so_far: Callable[[], Solution] | None = field(default=None, compare=False, repr=False)
 
 
 def solve(scene: Scene, options: Options, progress: Callable[[Progress], None] | None = None) -> Solution:
@@ -57,6 +61,11 @@ def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
     forest, lamps = Forest(surfaces, options.order), luminaires_of(surfaces)
     first_shots = illumination.illuminate(building, forest, lamps, limits.direct, limits.min_size, workers)
     light, room, shadow_tests = yield from _follow(first_shots, 0.06, 0.2, lambda: "Light of the luminaires")
+
+    def so_far(reflected: np.ndarray) -> Solution:
+        return Solution(scene, building, forest, lamps, light, reflected, 0, limits.min_size / 2, workers, {})
+
+    yield Progress("solve", 0.2, "Light of the luminaires", lambda: so_far(np.zeros_like(light)))
     estimate = _estimate(building, forest, light, room, limits.exchange)
     oracle = refinement.link(building, forest, estimate, limits.min_size, workers)
     linking = yield from _follow(oracle, 0.2, 0.7, lambda: f"Linking {len(forest):,} elements")
@@ -73,7 +82,9 @@ def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
     yield Progress("solve", 0.7, f"Ordering {units:,} emitters")
     sets = ordering.visible_sets(building.graph, clusters.polygons, unit, units)
     strategy = ordering.STRATEGIES[options.ordering](sets)
-    radiosity = yield from _shoot(shooter.run(strategy, rng, limits.unshot, options.max_iterations), limits.unshot)
+    radiosity = yield from _shoot(
+        shooter.run(strategy, rng, limits.unshot, options.max_iterations), limits.unshot, lambda: so_far(shooter.so_far())
+    )
     clock.lap("solve")
 
     irradiance = light + radiosity.irradiance
@@ -117,12 +128,12 @@ def _follow(steps: Iterator, start: float, end: float, message: Callable[[], str
     raise RuntimeError("a stage ended without a result")
 
 
-def _shoot(steps: Iterator[Shot | Radiosity], tolerance: float):
+def _shoot(steps: Iterator[Shot | Radiosity], tolerance: float, so_far: Callable[[], Solution]):
     for step in steps:
         if isinstance(step, Radiosity):
             return step
         message = f"Iteration {step.iteration + 1}: {step.unshot_fraction:.2%} unshot"
-        yield Progress("solve", 0.7 + 0.3 * _share(step, tolerance), message)
+        yield Progress("solve", 0.7 + 0.3 * _share(step, tolerance), message, so_far)
     raise RuntimeError("the shooting ended without a result")
 
 

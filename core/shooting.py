@@ -160,6 +160,10 @@ class Shooter:
             self.received[:, channel] += np.bincount(unit, flux[:, channel], minlength=self._units)
             self.unshot[:, channel] += np.bincount(unit, reflected[:, channel], minlength=self._units)
 
+    def so_far(self) -> np.ndarray:
+        """(E, m, 3) coefficients as in ``Radiosity.irradiance``, of the light that was received up to now."""
+        return self._finish(0).irradiance
+
     def _finish(self, iterations: int) -> Radiosity:
         forest = self._forest
         everything = np.arange(len(forest))

@@ -14,6 +14,7 @@ from .direct import Luminaires, direct_light
 from .elements import Forest
 from .exitance_map import ExitanceMap, exitance_map
 from .gather import gather
+from .regions import Regions
 from .scene import Scene
 
 EDGE = 1e-4
@@ -62,6 +63,16 @@ class Solution:
         self._luminaires, self._direct, self._reflected, self._workers = luminaires, direct, reflected, workers
         self._rays, self._texel, self._map = rays, texel, None
         self.report = report | {"clamped_values": 0}
+
+    @property
+    def regions(self) -> Regions:
+        """The surfaces."""
+        return self._building.regions
+
+    @property
+    def forest(self) -> Forest:
+        """The elements of the surfaces."""
+        return self._forest
 
     @property
     def light(self) -> Light:
