@@ -14,13 +14,13 @@ from . import transport
 from .building import Building
 from .grouping import gathered, morton, ragged, starts_of
 from .occlusion import Bodies, ShaftIndex, Shafts, near_axis
-from .parallel import ordered_map
+from .parallel import Crew
 from .passages import Passages
 from .regions import Regions
 from .shadows import visible_form_factors
 
 BLOCK_POINTS = 2048
-"""Points that one thread treats at once."""
+"""Points that one worker treats at once."""
 PATCH = 8
 """Most points that share the search for what is in their way."""
 _PAIR_BLOCK = 1 << 16
@@ -124,20 +124,19 @@ def patch_blocks(building: Building, patches: Patches, size: int = BLOCK_POINTS)
     return gathered(parts, places, np.array([number[rows].sum() for rows in parts]), size)
 
 
-def direct_light(building: Building, luminaires: Luminaires, points: np.ndarray, region: np.ndarray, workers: int) -> Iterator[DirectLight]:
+def direct_light(building: Building, luminaires: Luminaires, points: np.ndarray, region: np.ndarray, crew: Crew) -> Iterator[DirectLight]:
     """Irradiance from all luminaires at points (N, 3) float32 (relative to the scene's centre) on the fronts of ``region`` (N,)."""
     if not len(luminaires.region) or not len(points):
         return
     patches = patches_of(building.regions, points, region)
-    lamp_cluster = building.clusters.cluster_of[luminaires.region]
+    yield from crew.map(_block, (building, luminaires, patches, points), patch_blocks(building, patches))
 
-    def light(block: np.ndarray) -> DirectLight:
-        members, patch = ragged(patches.start[block], np.diff(patches.start)[block])
-        index = patches.order[members]
-        scope = _scope(building, luminaires, lamp_cluster, patches, block)
-        return _light(building, luminaires, scope, index, points[index], patch)
 
-    yield from ordered_map(light, patch_blocks(building, patches), workers)
+def _block(building: Building, luminaires: Luminaires, patches: Patches, points: np.ndarray, block: np.ndarray) -> DirectLight:
+    """Light at the points of the patches ``block`` (k,)."""
+    members, patch = ragged(patches.start[block], np.diff(patches.start)[block])
+    index = patches.order[members]
+    return _light(building, luminaires, _scope(building, luminaires, patches, block), index, points[index], patch)
 
 
 @dataclass(frozen=True)
@@ -152,8 +151,9 @@ class _Scope:
     pairs: tuple[tuple[np.ndarray, np.ndarray], ...]
 
 
-def _scope(building: Building, luminaires: Luminaires, lamp_cluster: np.ndarray, patches: Patches, block: np.ndarray) -> _Scope:
+def _scope(building: Building, luminaires: Luminaires, patches: Patches, block: np.ndarray) -> _Scope:
     regions, count = building.regions, len(block)
+    lamp_cluster = building.clusters.cluster_of[luminaires.region]
     cluster, row = np.unique(building.clusters.cluster_of[patches.region[block]], return_inverse=True)
     visible = building.graph.sees(cluster[:, None], lamp_cluster[None])
     lamps = np.flatnonzero(visible.any(0))

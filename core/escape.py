@@ -11,7 +11,7 @@ import numpy as np
 from .building import Building
 from .elements import Forest
 from .occlusion import first_hits, kronecker
-from .parallel import ordered_map
+from .parallel import Crew
 
 RAYS = 1 << 15
 """Rays for a whole building; a room gets ``MIN_RAYS`` of them at least."""
@@ -21,15 +21,15 @@ LEAK = 1e-2
 """Share of lost rays up to which a room counts as closed: what slips through seams, or starts in furniture that meets other furniture."""
 
 
-def lost_share(building: Building, forest: Forest, workers: int) -> np.ndarray:
+def lost_share(building: Building, forest: Forest, crew: Crew) -> np.ndarray:
     """(R,) share of the rays from the surfaces of each room that no surface receives; a room is closed up to ``LEAK``."""
     weight = ~building.regions.buried[forest.region, None] * forest.node_weights
-    room, _, lost = _cast(building, forest, weight, workers)
+    room, _, lost = _cast(building, forest, weight, crew)
     number = np.bincount(room, minlength=building.room_count)
     return np.bincount(room, lost, minlength=building.room_count) / np.maximum(number, 1)
 
 
-def escaped_power(building: Building, forest: Forest, irradiance: np.ndarray, share: np.ndarray, workers: int) -> float:
+def escaped_power(building: Building, forest: Forest, irradiance: np.ndarray, share: np.ndarray, crew: Crew) -> float:
     """W, all channels together, that leave the building or strike backs.
 
     irradiance : (E, m, 3) of every element, W/m2;  share : (R,) of :func:`lost_share`. Rooms that are not closed cast rays
@@ -42,11 +42,11 @@ def escaped_power(building: Building, forest: Forest, irradiance: np.ndarray, sh
     room = building.regions.room[forest.region]
     open_ = (share > LEAK)[room]
     slow = float((weight.sum(1) * np.where(open_, 0, share[room])).sum())
-    _, power, lost = _cast(building, forest, weight * open_[:, None], workers)
+    _, power, lost = _cast(building, forest, weight * open_[:, None], crew)
     return slow + float(power[lost].sum())
 
 
-def _cast(building: Building, forest: Forest, weight: np.ndarray, workers: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _cast(building: Building, forest: Forest, weight: np.ndarray, crew: Crew) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rays from the nodes of leaves, as many as their weight (E, q*q) asks for: room (n,), weight (n,) and (n,) bool lost of each."""
     leaf = np.flatnonzero(forest.leaf)
     room = building.regions.room[forest.region[leaf]]
@@ -64,17 +64,21 @@ def _cast(building: Building, forest: Forest, weight: np.ndarray, workers: int) 
     element, node = leaf[chosen // forest.node_count], chosen % forest.node_count
     direction = _directions(len(owner), building.regions, forest.region[element])
     lost = np.zeros(len(owner), bool)
-
-    def shoot(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        cluster = np.unique(building.clusters.cluster_of[forest.region[element[rows]]])
-        near = building.blockers_of(building.regions_of(building.surroundings(cluster))[0])
-        hits = first_hits(near, forest.nodes[element[rows], node[rows]], direction[rows])
-        return rows, (hits.blocker < 0) | hits.behind
-
     cuts = np.flatnonzero(np.diff(owner)) + 1
-    for rows, result in ordered_map(shoot, np.split(np.arange(len(owner)), cuts) if len(owner) else [], workers):
+    blocks = np.split(np.arange(len(owner)), cuts) if len(owner) else []
+    for rows, result in crew.map(_lost, (building, forest.region[element], forest.nodes[element, node], direction), blocks):
         lost[rows] = result
     return owner, total[owner] / np.maximum(number[owner], 1), lost
+
+
+def _lost(
+    building: Building, region: np.ndarray, origin: np.ndarray, direction: np.ndarray, rows: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Which of the rays ``rows`` (k,), all from one room, meet nothing or a back: (rows, (k,) bool)."""
+    cluster = np.unique(building.clusters.cluster_of[region[rows]])
+    near = building.blockers_of(building.regions_of(building.surroundings(cluster))[0])
+    hits = first_hits(near, origin[rows], direction[rows])
+    return rows, (hits.blocker < 0) | hits.behind
 
 
 def _directions(count: int, regions, region: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ from .building import Building
 from .exitance_map import ExitanceMap
 from .grouping import morton
 from .occlusion import Blockers, hemisphere, kronecker
-from .parallel import ordered_map
+from .parallel import Crew
 from .ray_fans import Faces, Workspace, aimed, directed, faces_of, look
 
 NEAR = 0.1
@@ -55,9 +55,7 @@ class _Room:
     beyond: tuple[Faces, ...]
 
 
-def gather(
-    building: Building, exitance: ExitanceMap, points: np.ndarray, region: np.ndarray, rays: int, workers: int
-) -> Iterator[Gathered]:
+def gather(building: Building, exitance: ExitanceMap, points: np.ndarray, region: np.ndarray, rays: int, crew: Crew) -> Iterator[Gathered]:
     """Reflected irradiance at points (N, 3) float32 (relative to the scene's centre) on the fronts of ``region`` (N,).
 
     rays : over the hemisphere of each point
@@ -67,15 +65,13 @@ def gather(
     room = regions.room[region[order]]
     cuts = np.flatnonzero(np.diff(room)) + 1
     blocks = [part for rows in np.split(order, cuts) if len(rows) for part in np.array_split(rows, -(-len(rows) // BLOCK_POINTS))]
-    rooms: dict[int, _Room] = {}
+    yield from crew.map(_block, (building, exitance, points, region, rays), blocks)
 
-    def light(index: np.ndarray) -> Gathered:
-        here = int(regions.room[region[index[0]]])
-        if here not in rooms:
-            rooms[here] = _room(building, here)
-        return _gather(building, rooms[here], exitance, index, points[index], region[index], rays)
 
-    yield from ordered_map(light, blocks, workers)
+def _block(building: Building, exitance: ExitanceMap, points: np.ndarray, region: np.ndarray, rays: int, index: np.ndarray) -> Gathered:
+    """Light at the points ``index`` (k,), all in one room."""
+    room = _room(building, int(building.regions.room[region[index[0]]]))
+    return _gather(building, room, exitance, index, points[index], region[index], rays)
 
 
 def _room(building: Building, room: int) -> _Room:

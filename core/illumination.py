@@ -10,6 +10,7 @@ from . import basis
 from .building import Building
 from .direct import Luminaires, direct_light
 from .elements import Forest
+from .parallel import Crew
 
 UNSEEN = 0.05
 """Part of the light of a lamp that an element's nodes see hidden, yet that may fall between them."""
@@ -19,7 +20,7 @@ UNFORESEEN = 0.25
 
 
 def illuminate(
-    building: Building, forest: Forest, luminaires: Luminaires, tolerance: float, min_size: float, workers: int
+    building: Building, forest: Forest, luminaires: Luminaires, tolerance: float, min_size: float, crew: Crew
 ) -> Iterator[float | tuple[np.ndarray, np.ndarray, int]]:
     """Direct irradiance on every element; elements are split where it is not smooth.
 
@@ -36,7 +37,7 @@ def illuminate(
         region = np.repeat(forest.region[fresh], forest.node_count)
         light, doubt, veil = np.zeros((len(nodes), 3), np.float32), np.zeros(len(nodes), np.float32), np.full(len(nodes), -1)
         done = 0
-        for part in direct_light(building, luminaires, nodes, region, workers):
+        for part in direct_light(building, luminaires, nodes, region, crew):
             light[part.index], doubt[part.index], veil[part.index] = part.irradiance, part.doubt, part.veil
             tests += part.tests
             done += len(part.index)

@@ -119,7 +119,7 @@ class Options:
         0, "size", "Memory budget for light exchanges kept between iterations, the rest goes to disk; 0: no limit", unit="bytes", minimum=0
     )
     store: str = _option("", "path", "Folder that receives the result of every stage")
-    threads: int = _option(0, "int", "Worker threads; 0 uses every core", minimum=0, maximum=1024)
+    threads: int = _option(0, "int", "Worker processes; 0 uses every core", minimum=0, maximum=1024)
     seed: int = _option(0, "int", "Seed of every random choice", minimum=0, maximum=2**31 - 1)
 
     def __post_init__(self) -> None:

@@ -14,7 +14,7 @@ from .building import Building, doors_of, items_of
 from .direct import luminaires_of
 from .elements import Forest
 from .options import OptionError, Options
-from .parallel import worker_count
+from .parallel import Crew, worker_count
 from .report import emitted_power, report_of
 from .scene import Scene
 from .shooting import Radiosity, Shooter, Shot
@@ -53,13 +53,13 @@ def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
     Raises :class:`OptionError` when the memory budget is exceeded and there is no store, OSError when the store cannot be written.
     """
     clock, store = _Clock(), _Store(options.store)
-    workers, rng = worker_count(options.threads), np.random.default_rng(options.seed)
+    crew, rng = Crew(worker_count(options.threads)), np.random.default_rng(options.seed)
 
     building, findings = yield from _build(scene, options, rng, clock, store)
     surfaces = building.regions
     limits = quality.tolerances(options, surfaces)
     forest, lamps = Forest(surfaces, options.order), luminaires_of(surfaces)
-    first_shots = illumination.illuminate(building, forest, lamps, limits.direct, limits.min_size, workers)
+    first_shots = illumination.illuminate(building, forest, lamps, limits.direct, limits.min_size, crew)
     light, room, shadow_tests = yield from _follow(first_shots, 0.06, 0.2, lambda: "Light of the luminaires")
 
     def so_far(reflected: np.ndarray) -> Solution:
@@ -67,12 +67,12 @@ def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
 
     yield Progress("solve", 0.2, "Light of the luminaires", lambda: so_far(np.zeros_like(light)))
     estimate = _estimate(building, forest, light, room, limits.exchange)
-    oracle = refinement.link(building, forest, estimate, limits.min_size, workers)
+    oracle = refinement.link(building, forest, estimate, limits.min_size, crew)
     linking = yield from _follow(oracle, 0.2, 0.7, lambda: f"Linking {len(forest):,} elements")
     exchanges = _within(options, linking.links, store)
     light = illumination.extended(forest, light)
 
-    lost = escape.lost_share(building, forest, workers)
+    lost = escape.lost_share(building, forest, crew)
     closed = lost <= escape.LEAK
     gain = links.closing_gain(forest, exchanges, closed[surfaces.room[forest.region]])
     clusters, by_cluster = building.clusters, options.emitters == "clusters"
@@ -88,11 +88,11 @@ def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
     clock.lap("solve")
 
     irradiance = light + radiosity.irradiance
-    escaped = escape.escaped_power(building, forest, irradiance, lost, workers)
+    escaped = escape.escaped_power(building, forest, irradiance, lost, crew)
     report = report_of(scene.polygon_count, building, forest, linking, radiosity, irradiance, lost, closed, escaped)
     report |= {"shadow_tests": shadow_tests, "warnings": list(findings), "seconds": clock.seconds}
     rays = 0 if options.reflected == "elements" else limits.rays
-    solution = Solution(scene, building, forest, lamps, light, radiosity.irradiance, rays, limits.min_size / 2, workers, report)
+    solution = Solution(scene, building, forest, lamps, light, radiosity.irradiance, rays, limits.min_size / 2, crew, report)
     store.keep("light", solution.light)
     return solution
 

@@ -19,8 +19,9 @@ from .building import Building
 from .elements import Forest
 from .links import LinkSet, joined
 from .occlusion import Bodies, Cuts, ShaftIndex, Shafts, cut_segments
-from .parallel import ordered_map
-from .sightlines import Scope, scopes_of
+from .parallel import Crew
+from .passages import Passages
+from .sightlines import scopes_of
 
 # Relative errors of one exchange, in the mean square over the receiver, for elements of radius r at distance d: the second
 # derivative of the kernel leaves 0.3 (r/d)**2 of a linear function, the first 0.8 r/d of a constant; a node in place of a
@@ -33,7 +34,7 @@ TOUCHING = 1.0
 NEGLIGIBLE = 1e-3
 """An exchange below this part of what is admissible as an error is left out and its bound added to the total."""
 BLOCK_PAIRS = 1 << 14
-"""Pairs of elements that one thread treats at once."""
+"""Pairs of elements that one worker treats at once."""
 
 
 @dataclass(frozen=True)
@@ -61,9 +62,9 @@ class Linking:
 
 @dataclass(frozen=True)
 class _Block:
-    """Pairs of elements of one scope."""
+    """Pairs of elements, and the clusters ``nearby`` that hold all that can stand between them."""
 
-    scope: Scope
+    nearby: np.ndarray
     a: np.ndarray
     b: np.ndarray
 
@@ -77,20 +78,16 @@ class _Outcome:
     segment_tests: int
 
 
-def link(building: Building, forest: Forest, estimate: Estimate, min_size: float, workers: int) -> Iterator[float | Linking]:
+def link(building: Building, forest: Forest, estimate: Estimate, min_size: float, crew: Crew) -> Iterator[float | Linking]:
     """Make the links of a building; elements are split on the way. Yields the share of the work done, at last the links.
 
     min_size : metres, elements are not split below it
     """
-    blocks = [block for scope in scopes_of(building) for block in _blocks_of(scope, scope.a, scope.b)]
+    blocks = [block for scope in scopes_of(building) for block in _blocks_of(scope.nearby, scope.a, scope.b)]
     links, dropped, tests, rounds = [], 0.0, 0, 0
     while blocks:
         outcomes = []
-
-        def treat(block: _Block, estimate=estimate) -> _Outcome:
-            return _treat(forest, estimate, min_size, block)
-
-        for outcome in ordered_map(treat, blocks, workers):
+        for outcome in crew.map(_treat, (building, forest, estimate, min_size), blocks):
             outcomes.append(outcome)
             yield 1 - 0.5 ** (rounds + len(outcomes) / len(blocks))
         rounds += 1
@@ -111,18 +108,18 @@ def _inherited(estimate: Estimate, forest: Forest) -> Estimate:
     return Estimate(exitance, slope, estimate.tolerance)
 
 
-def _blocks_of(scope: Scope, a: np.ndarray, b: np.ndarray) -> list[_Block]:
-    return [_Block(scope, a[k : k + BLOCK_PAIRS], b[k : k + BLOCK_PAIRS]) for k in range(0, len(a), BLOCK_PAIRS)]
+def _blocks_of(nearby: np.ndarray, a: np.ndarray, b: np.ndarray) -> list[_Block]:
+    return [_Block(nearby, a[k : k + BLOCK_PAIRS], b[k : k + BLOCK_PAIRS]) for k in range(0, len(a), BLOCK_PAIRS)]
 
 
 def _next(forest: Forest, blocks: list[_Block], outcomes: list[_Outcome]) -> list[_Block]:
     """Blocks of the pairs that were split; those of one scope share blocks."""
     following = []
-    for _, same in groupby(zip(blocks, outcomes, strict=True), lambda pair: id(pair[0].scope)):
+    for _, same in groupby(zip(blocks, outcomes, strict=True), lambda pair: id(pair[0].nearby)):
         group = list(same)
         sides = [_children(forest, outcome) for _, outcome in group]
         a, b = (np.concatenate(side) for side in zip(*sides, strict=True))
-        following += _blocks_of(group[0][0].scope, a, b)
+        following += _blocks_of(group[0][0].nearby, a, b)
     return following
 
 
@@ -177,11 +174,10 @@ class _Pairs:
         return _Pairs(*(getattr(self, f.name)[rows] for f in fields(self)))
 
 
-def _treat(forest: Forest, estimate: Estimate, min_size: float, block: _Block) -> _Outcome:
+def _treat(building: Building, forest: Forest, estimate: Estimate, min_size: float, block: _Block) -> _Outcome:
     elements, index = np.unique(np.concatenate([block.a, block.b]), return_inverse=True)
     bodies, radius = _bodies(forest, elements)
-    scope = block.scope
-    ia, ib = _open_pairs(forest, elements, bodies, scope, index[: len(block.a)], index[len(block.a) :])
+    ia, ib = _open_pairs(building, forest.region[elements], bodies, index[: len(block.a)], index[len(block.a) :])
     pairs, dropped = _worthwhile(
         _assess(forest, estimate, elements, bodies, radius, ia, ib), forest.area[elements], estimate, elements, forest
     )
@@ -191,7 +187,7 @@ def _treat(forest: Forest, estimate: Estimate, min_size: float, block: _Block) -
     links, tests = [], 0
     points = _points(forest, elements, bodies)
     left = np.unique(np.concatenate([pairs.ia, pairs.ib]))
-    shafts = ShaftIndex(scope.blockers.within(*bodies.take(left).box()) if len(left) else scope.blockers)
+    shafts = ShaftIndex(building.blockers_between(block.nearby, *bodies.take(left).box()) if len(left) else building.blockers.take(left))
     for one_a, one_b, rows in _modes(pairs, np.flatnonzero(~refine)):
         here = pairs.take(rows)
         nodes = _nodes(forest, elements[here.ia], one_a), _nodes(forest, elements[here.ib], one_b)
@@ -214,13 +210,12 @@ def _treat(forest: Forest, estimate: Estimate, min_size: float, block: _Block) -
     return _Outcome(links, (elements[ia[at_a]], elements[ib[at_a]]), (elements[ia[at_b]], elements[ib[at_b]]), dropped, tests)
 
 
-def _open_pairs(
-    forest: Forest, elements: np.ndarray, bodies: Bodies, scope: Scope, ia: np.ndarray, ib: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _open_pairs(building: Building, region: np.ndarray, bodies: Bodies, ia: np.ndarray, ib: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The pairs that face each other and, in different rooms, meet a portal of either room."""
-    facing = _face_each_other(bodies, ia, ib, scope.blockers.clearance)
+    facing = _face_each_other(bodies, ia, ib, building.blockers.clearance)
     ia, ib = ia[facing], ib[facing]
-    passes = scope.passages.open(bodies, scope.room[forest.region[elements]], ia, ib)
+    room = building.regions.room[region]
+    passes = Passages(building.doors, room).open(bodies, room, ia, ib)
     return ia[passes], ib[passes]
 
 

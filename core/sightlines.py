@@ -12,8 +12,6 @@ import numpy as np
 
 from .building import Building
 from .grouping import ragged
-from .occlusion import Blockers
-from .passages import Passages
 
 WITHIN, BETWEEN = 384, 128
 """Regions whose pairs within their rooms, and with other rooms, make one scope."""
@@ -23,34 +21,24 @@ WITHIN, BETWEEN = 384, 128
 class Scope:
     """Pairs of regions whose clusters see each other, each pair of the building in one scope.
 
-    a, b : (n,) int32 regions;  room : (G,) of every region
-    blockers : all that a segment between such a pair can meet;  passages : what it must pass between rooms
+    a, b : (n,) int32 regions
+    nearby : (c,) clusters that hold all that a segment between such a pair can meet
     """
 
     a: np.ndarray
     b: np.ndarray
-    room: np.ndarray
-    blockers: Blockers
-    passages: Passages
+    nearby: np.ndarray
 
 
 def scopes_of(building: Building) -> list[Scope]:
     """The scopes of a building, in a fixed order."""
     scopes = []
-    for group in _groups(building, WITHIN):
-        scopes += _scope(building, group, *_pairs(building, group, True))
-    for group in _groups(building, BETWEEN):
-        scopes += _scope(building, group, *_pairs(building, group, False))
+    for size, within in ((WITHIN, True), (BETWEEN, False)):
+        for group in _groups(building, size):
+            a, b = _pairs(building, group, within)
+            if len(a):
+                scopes.append(Scope(a, b, building.surroundings(group)))
     return scopes
-
-
-def _scope(building: Building, group: np.ndarray, a: np.ndarray, b: np.ndarray) -> list[Scope]:
-    if not len(a):
-        return []
-    regions, ends = building.regions, np.unique(np.concatenate([a, b]))
-    low, high = regions.box_min[ends].min(0), regions.box_max[ends].max(0)
-    blockers = building.blockers_between(building.surroundings(group), low, high)
-    return [Scope(a, b, regions.room, blockers, Passages(building.doors, regions.room[ends]))]
 
 
 def _groups(building: Building, size: int) -> list[np.ndarray]:

@@ -14,6 +14,7 @@ from .direct import Luminaires, direct_light
 from .elements import Forest
 from .exitance_map import ExitanceMap, exitance_map
 from .gather import gather
+from .parallel import Crew
 from .regions import Regions
 from .scene import Scene
 
@@ -56,11 +57,11 @@ class Solution:
         reflected: np.ndarray,
         rays: int,
         texel: float,
-        workers: int,
+        crew: Crew,
         report: dict,
     ):
         self._scene, self._building, self._forest = scene, building, forest
-        self._luminaires, self._direct, self._reflected, self._workers = luminaires, direct, reflected, workers
+        self._luminaires, self._direct, self._reflected, self._crew = luminaires, direct, reflected, crew
         self._rays, self._texel, self._map = rays, texel, None
         self.report = report | {"clamped_values": 0}
 
@@ -102,10 +103,10 @@ class Solution:
         position = regions.world(region, uv).astype(np.float32)
         if self._rays:
             light = np.zeros((len(region), 3), np.float32)
-            reflected = gather(self._building, self._exitance_map(), position, region, self._rays, self._workers)
+            reflected = gather(self._building, self._exitance_map(), position, region, self._rays, self._crew)
         else:
             light, reflected = self._smooth(region, uv), ()
-        direct = direct_light(self._building, self._luminaires, position, region, self._workers)
+        direct = direct_light(self._building, self._luminaires, position, region, self._crew)
         done, whole = 0, max(len(valid), 1) * (2 if self._rays else 1)
         for part in chain(direct, reflected):
             light[part.index] += part.irradiance

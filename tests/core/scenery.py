@@ -4,6 +4,7 @@ import numpy as np
 from enfilade.core import clustering, footprints, links, occlusion, refinement, regions, visibility_graph
 from enfilade.core.building import Building, doors_of, items_of
 from enfilade.core.elements import Forest
+from enfilade.core.parallel import Crew
 from enfilade.core.scene import Portals, Scene, no_portals
 
 
@@ -99,6 +100,13 @@ def shoelace(points) -> float:
     return 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
 
 
+def crew(workers=1):
+    """Workers that stand ready, so that they do all the work, however little."""
+    made = Crew(workers)
+    made.summon()
+    return made
+
+
 def linked(building, order=2, exchange=1e-3, min_size=0.01, workers=1, split=0):
     """A forest and its links for surfaces that all shine alike (1 W/m2, nothing known of slopes)."""
     forest = Forest(building.regions, order)
@@ -108,7 +116,7 @@ def linked(building, order=2, exchange=1e-3, min_size=0.01, workers=1, split=0):
     wall = float(building.regions.area.sum())
     tolerance = np.full(len(building.regions), exchange * np.sqrt(wall))
     estimate = refinement.Estimate(np.ones(count), np.zeros(count), tolerance)
-    *_, linking = refinement.link(building, forest, estimate, min_size, workers)
+    *_, linking = refinement.link(building, forest, estimate, min_size, crew(workers))
     return forest, linking
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from enfilade.core.elements import Forest
 from enfilade.core.escape import LEAK, escaped_power, lost_share
-from scenery import box, building_of, portals_of, rectangle, rotation, scene_of
+from scenery import box, building_of, crew, portals_of, rectangle, rotation, scene_of
 
 DATA = json.loads((Path(__file__).resolve().parents[1] / "data" / "form_factors.json").read_text(encoding="utf-8"))
 
@@ -25,8 +25,8 @@ def solved(polygons, emission=1.0, irradiance=0.0, **more):
     forest = forest_of(building)
     light = np.zeros((len(forest), 4, 3), np.float32)
     light[:, 0] = irradiance
-    share = lost_share(building, forest, 1)
-    return building, share, escaped_power(building, forest, light, share, 1)
+    share = lost_share(building, forest, crew(1))
+    return building, share, escaped_power(building, forest, light, share, crew(1))
 
 
 @pytest.mark.parametrize("turn", [np.eye(3), rotation(2)], ids=["upright", "turned"])
@@ -117,6 +117,6 @@ def test_the_same_on_any_number_of_threads():
     building = building_of(scene_of([f + [6 * k, 0, 0] for k in range(4) for f in box(leave_out="z+")], room=np.repeat(range(4), 5)))
     forest = forest_of(building)
     light = np.random.default_rng(0).random((len(forest), 4, 3)).astype(np.float32)
-    one, four = lost_share(building, forest, 1), lost_share(building, forest, 4)
+    one, four = lost_share(building, forest, crew(1)), lost_share(building, forest, crew(4))
     np.testing.assert_array_equal(one, four)
-    assert escaped_power(building, forest, light, one, 1) == escaped_power(building, forest, light, one, 4)
+    assert escaped_power(building, forest, light, one, crew(1)) == escaped_power(building, forest, light, one, crew(4))

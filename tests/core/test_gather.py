@@ -6,7 +6,7 @@ from enfilade.core import basis, gather, transport
 from enfilade.core.elements import Forest
 from enfilade.core.exitance_map import MOST, ExitanceMap, exitance_map
 from enfilade.core.regions import merge
-from scenery import box, building_of, portals_of, rectangle, rotation, scene_of
+from scenery import box, building_of, crew, portals_of, rectangle, rotation, scene_of
 
 
 def painted(building, bright) -> ExitanceMap:
@@ -20,7 +20,7 @@ def painted(building, bright) -> ExitanceMap:
 def gathered(building, exitance, points, region, rays=1024, workers=1):
     local = (points - building.regions.centre).astype(np.float32)
     out = np.full((len(points), 3), np.nan, np.float32)
-    for part in gather.gather(building, exitance, local, region, rays, workers):
+    for part in gather.gather(building, exitance, local, region, rays, crew(workers)):
         out[part.index] = part.irradiance
     return out
 

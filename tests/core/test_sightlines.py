@@ -49,7 +49,7 @@ def test_scopes_hold_all_blockers_between_their_pairs():
         low, high = regions.box_min[ends].min(0), regions.box_max[ends].max(0)
         rooms = np.unique(regions.room[ends])
         inside = (regions.box_min <= high).all(1) & (regions.box_max >= low).all(1) & np.isin(regions.room, rooms)
-        assert set(np.flatnonzero(inside).tolist()) <= set(scope.blockers.region.tolist())
+        assert set(np.flatnonzero(inside).tolist()) <= set(building.blockers_between(scope.nearby, low, high).region.tolist())
 
 
 def test_what_lies_beside_the_doors_is_closed_and_what_lies_behind_them_is_open():
