@@ -103,15 +103,17 @@ def flat_blockers(
 
 @dataclass(frozen=True)
 class Bodies:
-    """n flat convex bodies (patches or points), each a centre with two half sides and a facing normal; float32.
+    """n convex bodies, each a centre with two half sides and a facing normal, float32: patches, points, and what is as thick as a ball.
 
-    centre, half_u, half_v, normal : (n, 3)
+    centre, half_u, half_v, normal : (n, 3), the normal zero where a body faces all ways
+    radius : (n,) of a ball by which the flat body is widened all round, or None for flat ones
     """
 
     centre: np.ndarray
     half_u: np.ndarray
     half_v: np.ndarray
     normal: np.ndarray
+    radius: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.centre)
@@ -119,20 +121,34 @@ class Bodies:
     def box(self) -> tuple[np.ndarray, np.ndarray]:
         """Corners low and high (3,) of the box around all bodies."""
         half = np.abs(self.half_u) + np.abs(self.half_v)
+        if self.radius is not None:
+            half += self.radius[:, None]
         return (self.centre - half).min(0), (self.centre + half).max(0)
+
+    def reach(self, axes: np.ndarray) -> np.ndarray:
+        """(n, k) how far the bodies extend along unit axes (k, 3) from their centres."""
+        out = np.abs(self.half_u @ axes.T)
+        out += np.abs(self.half_v @ axes.T)
+        if self.radius is not None:
+            out += self.radius[:, None]
+        return out
 
     def balls(self) -> tuple[np.ndarray, np.ndarray]:
         """Centres (3, n) and radii (n,) of balls around the bodies."""
-        return np.ascontiguousarray(self.centre.T), np.sqrt((self.half_u**2).sum(1) + (self.half_v**2).sum(1))
+        flat = np.sqrt((self.half_u**2).sum(1) + (self.half_v**2).sum(1))
+        return np.ascontiguousarray(self.centre.T), flat if self.radius is None else flat + self.radius
 
     def joined(self, other: Bodies) -> Bodies:
         """These bodies and then the others."""
-        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
-        return Bodies(*(np.concatenate(pair) for pair in pairs))
+        parts = [(b.centre, b.half_u, b.half_v, b.normal) for b in (self, other)]
+        flat = self.radius is None and other.radius is None
+        radius = None if flat else np.concatenate([np.zeros(len(b), np.float32) if b.radius is None else b.radius for b in (self, other)])
+        return Bodies(*(np.concatenate(pair) for pair in zip(*parts, strict=True)), radius)
 
     def take(self, index: np.ndarray) -> Bodies:
         """The bodies with the given indices."""
-        return Bodies(self.centre[index], self.half_u[index], self.half_v[index], self.normal[index])
+        radius = None if self.radius is None else self.radius[index]
+        return Bodies(self.centre[index], self.half_u[index], self.half_v[index], self.normal[index], radius)
 
 
 class ShaftIndex:
@@ -177,7 +193,7 @@ class ShaftIndex:
         """For each sense of each axis (n, words) bits: the blocker ends before the body begins."""
         eps, out = np.float32(self.blockers.clearance), []
         for axis, tables in self._axes:
-            centre, half = bodies.centre @ axis, np.abs(bodies.half_u @ axis) + np.abs(bodies.half_v @ axis)
+            centre, half = bodies.centre @ axis, bodies.reach(axis[None])[:, 0]
             for (ends, table), begin in zip(tables, (centre - half, -(centre + half)), strict=True):
                 out.append(table[np.searchsorted(ends, begin - eps) // self._step])
         return out
@@ -191,18 +207,16 @@ class Shafts:
         eps = np.float32(blockers.clearance)
         height = bodies.centre @ blockers.normal.T
         height -= blockers.offset[:, 0]
-        if bodies.half_u.any():
-            half = np.abs(bodies.half_u @ blockers.normal.T)
-            half += np.abs(bodies.half_v @ blockers.normal.T)
-        else:
-            half = np.float32(0)
+        half = bodies.reach(blockers.normal) if bodies.half_u.any() or bodies.radius is not None else np.float32(0)
         # A blocker is out when one of these bits is set for both bodies.
         self._both = [*index.beyond(bodies), index.pack(height - half >= -eps), index.pack(height + half <= eps)]
         # A blocker behind the plane of either body is out.
         top = bodies.normal @ blockers.corners[:, 0].T
         for k in range(1, 4):
             np.maximum(top, bodies.normal @ blockers.corners[:, k].T, out=top)
-        self._either = index.pack(top <= (np.einsum("ij,ij->i", bodies.centre, bodies.normal) + eps)[:, None])
+        plane = np.einsum("ij,ij->i", bodies.centre, bodies.normal) + eps
+        plane[~bodies.normal.any(1)] = -np.inf
+        self._either = index.pack(top <= plane[:, None])
         self._balls = bodies.balls()
 
     def left(self, a: np.ndarray, b: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:

@@ -306,10 +306,15 @@ def sampled(bodies, index, rng, count):
     s, t = rng.uniform(-1, 1, (2, len(index), count, 1))
     corner = rng.random((len(index), count, 1)) < 0.3
     s, t = (np.where(corner, np.sign(x), x) for x in (s, t))
-    return (bodies.centre[index][:, None] + s * bodies.half_u[index][:, None] + t * bodies.half_v[index][:, None]).astype(float)
+    flat = bodies.centre[index][:, None] + s * bodies.half_u[index][:, None] + t * bodies.half_v[index][:, None]
+    if bodies.radius is None:
+        return flat.astype(float)
+    ball = rng.normal(size=(len(index), count, 3))
+    ball /= np.linalg.norm(ball, axis=2, keepdims=True)
+    return flat + bodies.radius[index, None, None] * ball
 
 
-@pytest.mark.parametrize("kind", ["patches", "points and patches", "aligned"])
+@pytest.mark.parametrize("kind", ["patches", "points and patches", "aligned", "balls and patches"])
 @pytest.mark.parametrize("blockers", [1, 30, 64, 130])
 def test_no_blocker_of_a_shaft_is_lost(kind, blockers):
     aligned = kind == "aligned"
@@ -317,9 +322,16 @@ def test_no_blocker_of_a_shaft_is_lost(kind, blockers):
     bodies = random_bodies(7, 60, aligned=aligned)
     if kind == "points and patches":
         points = random_bodies(8, 30, points=True)
-        bodies = Bodies(*(np.concatenate([getattr(x, f) for x in (points, bodies.take(np.arange(30)))]) for f in vars(bodies)))
+        bodies = points.joined(bodies.take(np.arange(30)))
     rng = np.random.default_rng(9)
     a, b = rng.integers(0, 60, (2, 800))
+    if kind == "balls and patches":
+        # A ball faces all ways, a widened patch its own; light between two balls is no case.
+        balls = random_bodies(8, 30, points=True)
+        radius = rng.uniform(0.1, 0.4, 30).astype(np.float32)
+        bodies = Bodies(balls.centre, balls.half_u, balls.half_v, np.zeros_like(balls.normal), radius).joined(bodies.take(np.arange(30)))
+        a %= 30
+        b = 30 + b % 30
     shafts = Shafts(bodies, ShaftIndex(world.blockers))
     pair, blocker = shafts.candidates(a, b)
     assert (np.diff(pair) >= 0).all()
@@ -329,7 +341,7 @@ def test_no_blocker_of_a_shaft_is_lost(kind, blockers):
     p, q = (sampled(bodies, k, rng, 40) for k in (a, b))
     normal = bodies.normal.astype(float)
     # Light leaves the front of either body: segments that start behind one of them carry none.
-    forth = np.einsum("nsd,nd->ns", q - p, normal[a]) > 1e-5
+    forth = (np.einsum("nsd,nd->ns", q - p, normal[a]) > 1e-5) | ~normal[a].any(1)[:, None]
     back = np.einsum("nsd,nd->ns", p - q, normal[b]) > 1e-5
     n, s = np.nonzero(forth & back)
     _, margin = world.meet(p[n, s], q[n, s])
