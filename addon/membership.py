@@ -2,22 +2,20 @@
 """Which objects take part, and which rooms and portals the collections say.
 
 An object takes part when it is visible to renders: neither it nor every collection on the way to it is disabled in
-renders or excluded from the view layer. What is hidden in the viewport only takes part all the same. Portals count
-whether or not they are rendered.
+renders, excluded from the view layer or ignored by its role; and it is not left out itself. What is hidden in the viewport
+only takes part all the same. Portals count whether or not they are rendered.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 import bpy
 
 from ..core.scene import SceneError
-
-ROOMS, PORTALS = "Rooms", "Portals"
-"""Collections of these names are taken where the user has chosen none."""
+from .roles import chosen_collections, portal_objects, roles
 
 
 @dataclass(frozen=True)
@@ -34,34 +32,26 @@ class Membership:
     collections: tuple[bpy.types.Collection, ...]
 
 
-def chosen_collections(scene: bpy.types.Scene) -> tuple[bpy.types.Collection | None, bpy.types.Collection | None]:
-    """The collections of rooms and of portals: those that are chosen, or those called Rooms and Portals in this scene."""
-    settings = scene.enfilade
-    own = {child.name: child for child in scene.collection.children_recursive}
-    return settings.rooms or own.get(ROOMS), settings.portals or own.get(PORTALS)
-
-
 def membership(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> Membership:
     """Sort the objects of a view layer into rooms and portals.
 
     Raises SceneError for a rooms collection without rooms and a room without anything to see.
     """
-    rooms, portals = chosen_collections(scene)
-    rendered = rendered_objects(view_layer)
-    openings = tuple(o for o in portals.all_objects if o.type == "MESH") if portals is not None else ()
-    solid = [o for o in rendered if o not in set(openings)]
-    if rooms is None:
+    kinds = roles(scene)
+    home = chosen_collections(scene)[0]
+    openings = portal_objects(scene)
+    passages = set(openings)
+    solid = [o for o in rendered_objects(view_layer) if o not in passages]
+    children = tuple(c for c, role in kinds.items() if role == "ROOM")
+    if not children:
         if not any(_has_surface(o) for o in solid):
             raise SceneError("the scene has no mesh that is visible in renders: there is nothing to bake")
         return Membership((scene.name,), {o: (0,) for o in solid}, openings, (), ())
-    children = tuple(c for c in rooms.children if c != portals)
-    if not children:
-        if not any(_has_surface(o) for o in rooms.all_objects):
-            raise SceneError(f"the rooms collection '{rooms.name}' is empty: put a collection for every room into it")
-        children = (rooms,)
+    if children == (home,) and not any(_has_surface(o) for o in home.all_objects):
+        raise SceneError(f"the rooms collection '{home.name}' is empty: put a collection for every room into it")
     places: dict[bpy.types.Object, list[int]] = {o: [] for o in solid}
     for number, child in enumerate(children):
-        inside = [o for o in child.all_objects if o in places]
+        inside = [o for o in _own_objects(child, kinds) if o in places]
         if not any(_has_surface(o) for o in inside):
             raise SceneError(
                 f"the room collection '{child.name}' has no mesh that is visible in renders: add one or take the collection out"
@@ -69,7 +59,7 @@ def membership(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> Membe
         for thing in inside:
             places[thing].append(number)
     # What lies in the rooms collection itself belongs to every room: each face goes to the one that it looks into.
-    for thing in rooms.objects if children != (rooms,) else ():
+    for thing in home.objects if home is not None and home not in children else ():
         if thing in places and not places[thing]:
             places[thing] = list(range(len(children)))
     left_out = tuple(sorted(o.name for o, numbers in places.items() if not numbers and _has_surface(o)))
@@ -77,15 +67,25 @@ def membership(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> Membe
     return Membership(tuple(c.name for c in children), members, openings, left_out, children)
 
 
+def _own_objects(room: bpy.types.Collection, kinds: dict[bpy.types.Collection, str]) -> Iterator[bpy.types.Object]:
+    """The objects of a room, without those of collections inside it that have a role of their own."""
+    yield from room.objects
+    for child in room.children:
+        if child not in kinds:
+            yield from _own_objects(child, kinds)
+
+
 def rendered_objects(view_layer: bpy.types.ViewLayer) -> list[bpy.types.Object]:
     """The objects that take part, in the order of the collections.
 
     Subdivided copies that a bake made do not, and what they stand for does although the bake hid it.
     """
+    scene = view_layer.id_data
+    ignored = {c for c, role in roles(scene).items() if role == "IGNORED"}
     found: dict[bpy.types.Object, None] = {}
-    for layer in _layers(view_layer.layer_collection):
+    for layer in _layers(view_layer.layer_collection, ignored):
         for thing in layer.collection.objects:
-            if thing.enfilade.carries is None and (not thing.hide_render or thing.enfilade.hidden):
+            if thing.enfilade.carries is None and not thing.enfilade.left_out and (not thing.hide_render or thing.enfilade.hidden):
                 found.setdefault(thing)
     return list(found)
 
@@ -131,12 +131,12 @@ def everything_evaluated(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer
         view_layer.update()
 
 
-def _layers(layer: bpy.types.LayerCollection) -> Iterator[bpy.types.LayerCollection]:
-    if layer.exclude or layer.collection.hide_render:
+def _layers(layer: bpy.types.LayerCollection, ignored: Collection = ()) -> Iterator[bpy.types.LayerCollection]:
+    if layer.exclude or layer.collection.hide_render or layer.collection in ignored:
         return
     yield layer
     for child in layer.children:
-        yield from _layers(child)
+        yield from _layers(child, ignored)
 
 
 def _has_surface(thing: bpy.types.Object) -> bool:

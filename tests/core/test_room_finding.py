@@ -95,7 +95,7 @@ def test_furniture_and_walls_are_no_rooms():
 
 
 def test_walls_that_look_outward_are_found_by_their_backs():
-    polygons, room = two_rooms()
+    polygons, _room = two_rooms()
     turned = [p[::-1] for p in polygons[:5]] + polygons[5:]
     found = find(turned, [PORTAL])
     assert len(found) == 2
@@ -125,7 +125,7 @@ def test_two_holes_are_two_gaps():
 
 
 def test_a_doll_house_gets_a_lid():
-    polygons, room = two_rooms()
+    polygons, _room = two_rooms()
     open_ = [p for p in polygons if not (p[:, 2] == 3).all()]
     found = find(open_, [PORTAL])
     assert len(found) == 2
