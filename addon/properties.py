@@ -127,10 +127,10 @@ class ENFILADE_PG_object(bpy.types.PropertyGroup):
     in_front: bpy.props.PointerProperty(
         type=bpy.types.Collection, name="In Front", description="The room that the portal's faces look into; empty: the outside"
     )
-    carries: bpy.props.PointerProperty(
     left_out: bpy.props.BoolProperty(
         name="Left Out", description="This object takes no part in the bake: light passes it as if it were not there", default=False
     )
+    carries: bpy.props.PointerProperty(
         type=bpy.types.Object, options={"HIDDEN"}, description="The object that this subdivided copy stands for"
     )
     hidden: bpy.props.BoolProperty(options={"HIDDEN"}, description="Hidden by a bake because a subdivided copy carries the light")
