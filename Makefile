@@ -2,6 +2,7 @@
 # make test     set up .venv and run the tests
 # make lint     style and format
 # make wheels   package and add-on tests in Blender 4.2, 4.5 and 5.2 as well
+# make report   measure speed against error beside Cycles (hours; QUICK=1: minutes), write docs/speed.md
 # make samples  remake the .blend files of sample_scenes/
 # make zip      the Blender extension, dist/enfilade-VERSION.zip
 #
@@ -13,7 +14,7 @@ PYTHON = $(shell for p in python3.11 python3 python; do "$$p" -c 'import sys; sy
 RUN = $(VENV)/bin/python
 PIP = $(RUN) -m pip --quiet --disable-pip-version-check install
 
-.PHONY: bake test lint wheels samples zip clean
+.PHONY: bake test lint wheels report samples zip clean
 
 bake: $(VENV)/.bake
 	@mkdir -p out
@@ -28,6 +29,9 @@ lint: $(VENV)/.test
 
 wheels: $(VENV)/.test
 	$(RUN) tests/house/wheels.py
+
+report: $(VENV)/.report
+	$(RUN) -m enfilade.docs.report $(if $(QUICK),--quick)
 
 # Blender 4.2 cannot open what 5.0 saves, so the committed .blend files are made with the oldest version.
 samples:
@@ -53,6 +57,10 @@ $(VENV)/.bake: pyproject.toml Makefile
 	@echo "installing numpy and bpy $(BPY) into $(VENV) (a download of about 350 MB the first time)"
 	@$(PIP) "bpy==$(BPY)" --editable .
 	@$(BPY_FIT)
+	@touch $@
+
+$(VENV)/.report: $(VENV)/.bake
+	@$(PIP) "bpy==$(BPY)" --editable ".[report]"
 	@touch $@
 
 $(VENV)/.test: $(VENV)/.bake

@@ -1,0 +1,46 @@
+"""One solve by Enfilade, as a program of its own: prints a JSON object.
+
+    python -m enfilade.docs.report.enfilade_run SCENE QUALITY THREADS
+
+The seconds run from the scene in memory to the light at its points.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+
+from ...core.memory import peak_bytes
+from ...core.options import Options
+from ...core.pipeline import solve
+from ..bench import Bench
+from ..processes import cpu_seconds
+
+
+def main(name: str, quality: str, threads: int) -> dict:
+    """Seconds by stage, what was made, and errors."""
+    bench = Bench(name)
+    started, cpu = time.perf_counter(), cpu_seconds()
+    solution = solve(bench.scene, Options(quality=quality, threads=threads))
+    solved = time.perf_counter()
+    light = solution.irradiance(bench.scene.points.position, bench.scene.points.polygon)
+    done = time.perf_counter()
+    report = solution.report
+    return {
+        "seconds": done - started,
+        "cpu_seconds": cpu_seconds() - cpu,
+        "stages": {**report["seconds"], "evaluate": done - solved},
+        "elements": report["elements"],
+        "links": report["links"],
+        "segment_tests": report["segment_tests"],
+        "energy": report["energy"],
+        "clamped_values": report["clamped_values"],
+        "score": bench.score(light),
+        "peak_bytes": peak_bytes(),
+    }
+
+
+if __name__ == "__main__":
+    scene, quality, threads = sys.argv[1:]
+    print(json.dumps(main(scene, quality, int(threads))), flush=True)
