@@ -3,23 +3,43 @@
 
 from __future__ import annotations
 
-from . import roles
-from . import command_line, operators, overlay, overlay_operators, overlay_panel, panel, properties, viewport
+import bpy  # noqa: F401  # its other modules, such as bmesh, can be imported only after it
 
-MODULES = (properties, viewport, operators, overlay, overlay_operators, panel, overlay_panel, command_line)
+from . import (
+    command_line,
+    operators,
+    overlay,
+    overlay_operators,
+    overlay_panel,
+    panel,
+    portal_operators,
+    properties,
+    roles,
+    viewport,
+)
+
+MODULES = (
+    properties,
+    roles,
+    viewport,
+    operators,
+    portal_operators,
+    overlay,
+    overlay_operators,
+    panel,
+    overlay_panel,
+    command_line,
+)
 """In the order of their registration: panels draw what the properties hold."""
-
-SET_UP = (roles,)
-"""What prepares a scene for the bake; its panels lie inside those above."""
 
 
 def register() -> None:
     """Make the properties, operators, panels and the command known to Blender."""
-    for module in (*MODULES, *SET_UP):
+    for module in MODULES:
         module.register()
 
 
 def unregister() -> None:
     """Take everything back, in the opposite order."""
-    for module in reversed((*MODULES, *SET_UP)):
+    for module in reversed(MODULES):
         module.unregister()
