@@ -7,7 +7,9 @@ import bpy  # noqa: F401  # its other modules, such as bmesh, can be imported on
 
 from . import (
     command_line,
+    last_light,
     operators,
+    outdated,
     overlay,
     overlay_operators,
     overlay_panel,
@@ -22,6 +24,8 @@ MODULES = (
     properties,
     roles,
     viewport,
+    last_light,
+    outdated,
     operators,
     portal_operators,
     overlay,

@@ -44,6 +44,7 @@ def remove_uv(mesh: bpy.types.Mesh) -> None:
         if render in layers:
             layers[render].active_render = True
     mesh.enfilade.uv_map = ""
+    mesh.enfilade.image = None
 
 
 def write_image(name: str, pixels: np.ndarray, image_format: str, folder: str) -> bpy.types.Image:
@@ -60,7 +61,7 @@ def write_image(name: str, pixels: np.ndarray, image_format: str, folder: str) -
     image.update()
     image.file_format = {"exr": "OPEN_EXR", "png": "PNG"}[image_format]
     if folder:
-        path = Path(folder) / (re.sub(r"[^\w .()-]", "_", name) + SUFFIX[image_format])
+        path = Path(folder) / (re.sub(r"[^\w .()-]", "_", image.name) + SUFFIX[image_format])
         image.filepath_raw = str(path)
         image.save()
         if image_format == "png":

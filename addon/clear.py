@@ -21,17 +21,21 @@ def has_bake(scene: bpy.types.Scene) -> bool:
     )
 
 
-def clear(scene: bpy.types.Scene) -> list[str]:
-    """Remove every trace of a bake from a scene; returns what was kept and why (meshes that the user has edited since)."""
+def clear(scene: bpy.types.Scene, names: frozenset[str] | None = None) -> list[str]:
+    """Remove every trace of a bake from a scene, or from the objects ``names``.
+
+    Returns what was kept and why (meshes that the user has edited since).
+    """
     kept = []
-    fine_mesh.remove_copies(scene)
+    fine_mesh.remove_copies(scene, names)
     for thing in scene.objects:
-        if thing.type != "MESH" or thing.library is not None:
+        if thing.type != "MESH" or thing.library is not None or (names is not None and thing.name not in names):
             continue
         materials.hide(thing)
         if thing.data.library is None:
             bake_vertex.remove_colors(thing.data)
             bake_texture.remove_uv(thing.data)
+            thing.data.enfilade.quantity = ""
         shared = thing.enfilade.own_mesh_of
         if shared is not None:
             own = thing.data
@@ -47,7 +51,8 @@ def clear(scene: bpy.types.Scene) -> list[str]:
         bpy.data.materials.remove(material)
     for image in [i for i in bpy.data.images if i.enfilade.made and i.users - i.use_fake_user <= 0]:
         bpy.data.images.remove(image)
-    scene.enfilade.summary = ""
+    if names is None:
+        scene.enfilade.summary = scene.enfilade.baked_from = ""
     return kept
 
 

@@ -52,17 +52,17 @@ def make_copy(scene: bpy.types.Scene, thing: bpy.types.Object, mesh: bpy.types.M
     return copy
 
 
-def remove_copies(scene: bpy.types.Scene) -> int:
-    """Take all copies of a scene away, show what they stood for, and return how many there were."""
+def remove_copies(scene: bpy.types.Scene, names: frozenset[str] | None = None) -> int:
+    """Take all copies of a scene away, or those of the objects ``names``, show what they stood for, and return how many there were."""
     removed = 0
-    for thing in [o for o in scene.objects if o.enfilade.carries is not None]:
+    for thing in [o for o in scene.objects if o.enfilade.carries is not None and (names is None or o.enfilade.carries.name in names)]:
         mesh = thing.data
         bpy.data.objects.remove(thing)
         if mesh.users == 0:
             bpy.data.meshes.remove(mesh)
         removed += 1
     for thing in scene.objects:
-        if thing.enfilade.hidden:
+        if thing.enfilade.hidden and (names is None or thing.name in names):
             thing.hide_render = False
             thing.hide_viewport = thing.hide_viewport and not thing.enfilade.was_shown
             thing.enfilade.hidden = thing.enfilade.was_shown = False

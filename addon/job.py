@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,13 +17,18 @@ import bpy
 import numpy as np
 
 from ..core.bake_values import Carrier, CornerItem, FineCarrier, Page, PageItem, evaluate, plan_page, refined
+from ..core.element_mesh import element_mesh
 from ..core.options import BakeOptions, Options
 from ..core.scene import Scene, SceneError
-from . import bake_texture, bake_vertex, fine_mesh, materials
+from ..core.solution import Solution
+from . import bake_texture, bake_vertex, fine_mesh, last_light, materials, outdated
 from .clear import clear
 from .extract import Extraction, Receiver, extract
+from .fingerprint import fingerprint
+from .light_layers import SolvedLight
 from .membership import everything_evaluated
 from .mesh_arrays import bulk
+from .preview import Previews
 from .properties import read_options
 
 SOLVE_SHARE = {"vertex": 0.75, "texture": 0.15}
@@ -32,7 +37,10 @@ SOLVE_SHARE = {"vertex": 0.75, "texture": 0.15}
 
 @dataclass(frozen=True)
 class Reading:
-    """What was read: the scene of the solver, the objects that will carry light, all options and warnings."""
+    """What was read: the scene of the solver, the objects that will carry light, all options and warnings.
+
+    rooms : names of the rooms whose light is wanted, empty for all;  fingerprint : of the scene as it was read
+    """
 
     scene_name: str
     extraction: Extraction
@@ -40,6 +48,8 @@ class Reading:
     options: Options
     bake: BakeOptions
     warnings: tuple[str, ...]
+    rooms: tuple[str, ...] = ()
+    fingerprint: str = ""
 
 
 @dataclass(frozen=True)
@@ -47,7 +57,7 @@ class Baked:
     """What was computed. Receiver k carries ``colors[k]``, or in the pages that have it as a member its texture.
 
     report : the figures of the solver;  fine : subdivided carriers, or None for each;  colors : (C, 4) or (V, 4) float32
-    pages, page_names, images : textures, (H, W, 4) float32
+    pages, page_names, images : textures, (H, W, 4) float32;  light : on the elements, to be looked at
     """
 
     report: dict[str, Any]
@@ -57,6 +67,7 @@ class Baked:
     page_names: tuple[str, ...] = ()
     images: tuple[np.ndarray, ...] = ()
     warnings: tuple[str, ...] = ()
+    light: SolvedLight | None = None
 
 
 @dataclass(frozen=True)
@@ -83,14 +94,17 @@ def settings(scene: bpy.types.Scene) -> tuple[Options, BakeOptions]:
     return read_options(scene.enfilade.solve, Options, scale), read_options(scene.enfilade.bake, BakeOptions, scale)
 
 
-def read(context: bpy.types.Context, options: Options, bake: BakeOptions) -> Reading:
-    """Read the scene of a context; changes nothing. Raises SceneError with one sentence for what cannot be baked."""
+def read(context: bpy.types.Context, options: Options, bake: BakeOptions, rooms: Sequence[str] = ()) -> Reading:
+    """Read the scene of a context; changes nothing. Raises SceneError with one sentence for what cannot be baked.
+
+    rooms : names of the rooms that are to carry new light, all others still light them; empty for all
+    """
     if bake.target == "texture" and bake.image_folder:
         _check_folder(bake.image_folder)
     extraction = extract(context)
     warnings = list(extraction.warnings)
     receivers = []
-    for receiver in extraction.receivers:
+    for receiver in _wanted(extraction, bake, rooms):
         if not receiver.in_place and bake.subdivide == 0.0:
             warnings.append(
                 f"object '{receiver.name}' carries no light because its modifiers ({receiver.modified_by}) change its faces: "
@@ -101,7 +115,27 @@ def read(context: bpy.types.Context, options: Options, bake: BakeOptions) -> Rea
         receivers.append(receiver)
     if not receivers:
         raise SceneError("no object can carry the light: " + (warnings[-1] if warnings else "the scene has no mesh objects of its own"))
-    return Reading(context.scene.name, extraction, tuple(receivers), options, bake, tuple(warnings))
+    made_from = fingerprint(context.scene, context.view_layer, options, bake)
+    return Reading(context.scene.name, extraction, tuple(receivers), options, bake, tuple(warnings), tuple(rooms), made_from)
+
+
+def _wanted(extraction: Extraction, bake: BakeOptions, rooms: Sequence[str]) -> tuple[Receiver, ...]:
+    """The receivers with a face in one of the ``rooms``, and all that share a texture with one of them.
+
+    Raises SceneError for a name that no room has.
+    """
+    if not rooms:
+        return extraction.receivers
+    names, room = extraction.scene.room_names, extraction.scene.room
+    unknown = [name for name in rooms if name not in names]
+    if unknown:
+        raise SceneError(f"there is no room '{unknown[0]}' to bake: the rooms are {', '.join(names)}")
+    number = [names.index(name) for name in rooms]
+    inside = [bool(np.isin(room[r.triangle_polygon[r.triangle_polygon >= 0]], number).any()) for r in extraction.receivers]
+    if bake.target == "texture" and bake.atlas == "room":
+        shared = {r.room for r, good in zip(extraction.receivers, inside, strict=True) if good}
+        inside = [r.room in shared for r in extraction.receivers]
+    return tuple(r for r, good in zip(extraction.receivers, inside, strict=True) if good)
 
 
 def _suited(options: Options, bake: BakeOptions) -> Options:
@@ -139,8 +173,12 @@ def _check_names(thing: bpy.types.Object, bake: BakeOptions) -> None:
         raise SceneError(f"object '{thing.name}' has eight UV maps, which is the most there can be: remove one")
 
 
-def work(reading: Reading, run: Callable[[Scene, Options], Generator] | None = None) -> Generator[Step, None, Baked]:
+def work(
+    reading: Reading, run: Callable[[Scene, Options], Generator] | None = None, previews: Previews | None = None
+) -> Generator[Step, None, Baked]:
     """Solve and evaluate; touches no Blender data. ``run`` is the solver, ``core.pipeline.run`` unless told otherwise.
+
+    previews : what makes drawings of the light so far, None where nobody looks
 
     Raises SceneError for what only the solver finds; closing the generator cancels.
     """
@@ -157,6 +195,8 @@ def work(reading: Reading, run: Callable[[Scene, Options], Generator] | None = N
     try:
         while True:
             progress = next(solver)
+            if previews is not None:
+                previews.look(progress.so_far)
             yield Step(progress.stage, share * progress.fraction, progress.message)
     except StopIteration as end:
         solution = end.value
@@ -179,9 +219,10 @@ def work(reading: Reading, run: Callable[[Scene, Options], Generator] | None = N
     seconds["evaluate"] = time.perf_counter() - started
     seconds["total"] = sum(v for name, v in seconds.items() if name != "total")
     report = {**solution.report, "seconds": seconds}
+    light = SolvedLight(element_mesh(solution), reading.extraction.metres_per_unit) if isinstance(solution, Solution) else None
     if pages:
-        return Baked(report, fine, pages=pages, page_names=names, images=values, warnings=tuple(warnings))
-    return Baked(report, fine, colors=values)
+        return Baked(report, fine, pages=pages, page_names=names, images=values, warnings=tuple(warnings), light=light)
+    return Baked(report, fine, colors=values, light=light)
 
 
 def _carrier(receiver: Receiver) -> Carrier:
@@ -230,7 +271,7 @@ def write(context: bpy.types.Context, reading: Reading, baked: Baked) -> Written
     fit = [_unchanged(receiver, warnings) for receiver in reading.receivers]
     if not any(fit):
         raise SceneError("no object is as it was when the bake began: bake again")
-    warnings += clear(scene)
+    warnings += clear(scene, frozenset(receiver.name for receiver in reading.receivers) if reading.rooms else None)
     targets = _targets(context, scene, reading, baked, fit)
     if baked.pages:
         images = _write_textures(reading, baked, targets)
@@ -239,6 +280,11 @@ def write(context: bpy.types.Context, reading: Reading, baked: Baked) -> Written
         for thing, color in zip(targets, baked.colors, strict=True):
             if thing is not None:
                 bake_vertex.write_colors(thing.data, reading.bake.name, reading.bake.domain, color)
+    for thing in targets:
+        if thing is not None:
+            thing.data.enfilade.quantity = reading.bake.quantity
+    outdated.baked(scene, reading.fingerprint, not reading.rooms)
+    last_light.keep(scene, baked.light)
     if reading.bake.material:
         show_materials(reading, [t.name if t is not None else None for t in targets], images)
     return Written(tuple(t.name for t in targets if t is not None), tuple(dict.fromkeys(images.values())), tuple(warnings))
@@ -291,6 +337,7 @@ def _write_textures(reading: Reading, baked: Baked, targets: list[bpy.types.Obje
         for member, uv in zip(page.members, page.uv, strict=True):
             if targets[member] is not None:
                 bake_texture.write_uv(targets[member].data, bake_texture.uv_name(bake.name), (uv + 0.5) / (page.width, page.height))
+                targets[member].data.enfilade.image = image
                 shown[targets[member].name] = image.name
     return shown
 

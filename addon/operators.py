@@ -7,8 +7,10 @@ import bpy
 
 from ..core.options import OptionError
 from ..core.scene import SceneError
-from . import job, viewport
+from . import job, last_light, viewport
 from .clear import clear, has_bake
+from .membership import membership
+from .preview import Previews, PreviewWindow
 from .worker import Worker
 
 REFUSALS = (SceneError, OptionError, MemoryError, OSError)
@@ -35,6 +37,15 @@ class ENFILADE_OT_bake(bpy.types.Operator):
     show: bpy.props.BoolProperty(
         name="Show", description="Show the light in the viewports when it is done", default=True, options={"SKIP_SAVE"}
     )
+    scope: bpy.props.EnumProperty(
+        name="Rooms",
+        description="Which rooms get new light; all rooms light them either way",
+        items=[
+            ("ALL", "All Rooms", "Bake all rooms"),
+            ("SELECTED", "Rooms of Selection", "Bake the rooms of the selected objects and leave the bake of all others as it is"),
+        ],
+        options={"SKIP_SAVE"},
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -46,10 +57,21 @@ class ENFILADE_OT_bake(bpy.types.Operator):
             return False
         return True
 
+    @classmethod
+    def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        if properties.scope == "SELECTED":
+            return "Bake the rooms of the selected objects anew, lit by all rooms; all other rooms keep the bake they have"
+        return cls.__doc__
+
+    def read(self, context: bpy.types.Context) -> job.Reading:
+        """Read the scene; raises what is refused."""
+        rooms = rooms_of_selection(context) if self.scope == "SELECTED" else ()
+        return job.read(context, *job.settings(context.scene), rooms)
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Straight through, for scripts: errors are raised by Blender as RuntimeError."""
         try:
-            reading = job.read(context, *job.settings(context.scene))
+            reading = self.read(context)
             baked = job.solve_all(reading)
             self._write(context, reading, baked)
         except REFUSALS as error:
@@ -64,12 +86,14 @@ class ENFILADE_OT_bake(bpy.types.Operator):
         """Read the scene, start the thread and the timer that looks after it."""
         global _running
         try:
-            self._reading = job.read(context, *job.settings(context.scene))
+            self._reading = self.read(context)
         except REFUSALS as error:
             return self._refuse(error)
         self.step = job.Step("start", 0.0, "")
         self.cancelled = False
-        self._worker = Worker(job.work(self._reading))
+        self._preview = PreviewWindow()
+        self._previews = Previews(self._reading.extraction.metres_per_unit)
+        self._worker = Worker(job.work(self._reading, previews=self._previews))
         self._timer = context.window_manager.event_timer_add(POLL_SECONDS, window=context.window)
         context.window_manager.progress_begin(0, 100)
         context.window_manager.modal_handler_add(self)
@@ -106,6 +130,8 @@ class ENFILADE_OT_bake(bpy.types.Operator):
         if step is None or step == self.step:
             return
         self.step = step
+        if (preview := self._previews.take()) is not None:
+            self._preview.show(preview)
         context.window_manager.progress_update(100 * step.fraction)
         context.workspace.status_text_set(f"Enfilade  {100 * step.fraction:.0f} %  {step.stage}: {step.message}   |   ESC cancels")
         _redraw(context)
@@ -115,6 +141,7 @@ class ENFILADE_OT_bake(bpy.types.Operator):
         global _running
         _running = None
         self._worker.cancel()
+        self._preview.close()
         context.window_manager.event_timer_remove(self._timer)
         context.window_manager.progress_end()
         if context.workspace is not None:
@@ -180,6 +207,7 @@ class ENFILADE_OT_clear(bpy.types.Operator):
             self.report({"WARNING"}, _capital(kept))
         if viewport.shown(context.window_manager):
             viewport.restore(context)
+        last_light.keep(context.scene, None)
         return {"FINISHED"}
 
 
@@ -205,6 +233,16 @@ class ENFILADE_OT_show_bake(bpy.types.Operator):
         else:
             viewport.show(context)
         return {"FINISHED"}
+
+
+def rooms_of_selection(context: bpy.types.Context) -> tuple[str, ...]:
+    """Names of the rooms that the selected objects are in. Raises SceneError where they are in none."""
+    found = membership(context.scene, context.view_layer)
+    chosen = {thing.enfilade.carries or thing for thing in context.selected_objects}
+    numbers = sorted({number for thing in chosen for number in found.rooms.get(thing, ())})
+    if not numbers:
+        raise SceneError("no selected object is in a room: select something in each room that is to be baked")
+    return tuple(found.room_names[number] for number in numbers)
 
 
 def _redraw(context: bpy.types.Context) -> None:

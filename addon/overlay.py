@@ -6,10 +6,11 @@ from __future__ import annotations
 import blf
 import bpy
 import gpu
+import numpy as np
 from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
 
-from .overlay_layers import Content, Layer
+from .overlay_layers import Content, Layer, Scale
 
 TOWARDS_EYE = 5e-4
 """Part of its distance by which a drawing comes closer than the surface that it lies on."""
@@ -93,7 +94,7 @@ def _draw_layer(layer: Layer, region: bpy.types.Region) -> None:
 
 def _batch(layer: Layer) -> tuple:
     if id(layer) not in _batches:
-        shader = gpu.shader.from_builtin("POLYLINE_FLAT_COLOR" if layer.lines else "FLAT_COLOR")
+        shader = gpu.shader.from_builtin("POLYLINE_FLAT_COLOR" if layer.lines else "SMOOTH_COLOR" if layer.smooth else "FLAT_COLOR")
         data = {"pos": layer.position, "color": layer.color}
         _batches[id(layer)] = (shader, batch_for_shader(shader, "LINES" if layer.lines else "TRIS", data))
     return _batches[id(layer)]
@@ -109,13 +110,33 @@ def _draw_legend() -> None:
     blf.size(0, 12 * scale)
     blf.enable(0, blf.SHADOW)
     blf.shadow(0, 5, 0.0, 0.0, 0.0, 0.8)
+    if _content.scale is not None:
+        y = _draw_scale(x, y, scale, _content.scale) + 10 * scale
     for color, text in reversed(_content.legend):
         if color is not None:
-            _swatch(x, y - 2 * scale, 13 * scale, color)
+            _swatch(x, y - 2 * scale, (13 * scale, 13 * scale), color)
         _write(x + (22 * scale if color is not None else 0), y, text)
         y += step
     _write(x, y + 2 * scale, _content.title)
     blf.disable(0, blf.SHADOW)
+
+
+def _draw_scale(x: float, y: float, unit: float, scale: Scale) -> float:
+    """A bar that stands at (x, y), pixels, with its numbers at the right; returns where it ends above."""
+    width, height, count = 16 * unit, 200 * unit, len(scale.colors)
+    place = y + height * np.arange(count + 1) / count
+    low, high = place[:-1], place[1:]
+    left, right, flat = np.full(count, x), np.full(count, x + width), np.zeros(count)
+    corners = np.stack([np.stack(c, 1) for c in ((left, low, flat), (right, low, flat), (right, high, flat), (left, high, flat))], axis=1)
+    position = corners[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3).astype(np.float32)
+    color = np.repeat(np.column_stack([scale.colors, np.ones(count)]), 6, axis=0).astype(np.float32)
+    shader = gpu.shader.from_builtin("FLAT_COLOR")
+    shader.bind()
+    batch_for_shader(shader, "TRIS", {"pos": position, "color": color}).draw(shader)
+    for at, text in scale.ticks:
+        _swatch(x + width, y + at * height - 0.5 * unit, (5 * unit, max(unit, 1.0)), (1.0, 1.0, 1.0))
+        _write(x + width + 10 * unit, y + at * height - 4 * unit, text)
+    return y + height
 
 
 def _write(x: float, y: float, text: str) -> None:
@@ -124,9 +145,10 @@ def _write(x: float, y: float, text: str) -> None:
     blf.draw(0, text)
 
 
-def _swatch(x: float, y: float, size: float, color: tuple[float, float, float]) -> None:
+def _swatch(x: float, y: float, size: tuple[float, float], color: tuple[float, float, float]) -> None:
     shader = gpu.shader.from_builtin("UNIFORM_COLOR")
-    corners = [(x, y), (x + size, y), (x + size, y + size), (x, y), (x + size, y + size), (x, y + size)]
+    right, top = x + size[0], y + size[1]
+    corners = [(x, y), (right, y), (right, top), (x, y), (right, top), (x, top)]
     shader.bind()
     shader.uniform_float("color", (*color, 1.0))
     batch_for_shader(shader, "TRIS", {"pos": [(a, b, 0.0) for a, b in corners]}).draw(shader)

@@ -26,7 +26,7 @@ class Layer:
     """Something to draw. part : the switch that shows it, ``"surfaces"``, ``"boxes"``, ``"windows"`` or ``"volumes"``; others always are
 
     lines : lines (n even) or triangles (n a multiple of three);  position : (n, 3) float32, Blender's units
-    color : (n, 4) float32;  width : of lines, pixels
+    color : (n, 4) float32;  width : of lines, pixels;  smooth : colours run from corner to corner of triangles
     """
 
     part: str
@@ -34,15 +34,30 @@ class Layer:
     position: np.ndarray
     color: np.ndarray
     width: float = 1.0
+    smooth: bool = False
+
+
+@dataclass(frozen=True)
+class Scale:
+    """A bar of colours with numbers beside it.
+
+    colors : (n, 3) display colours from the lower end to the upper;  ticks : places 0..1 along the bar, and the text at each
+    unit : of the numbers
+    """
+
+    colors: np.ndarray
+    ticks: tuple[tuple[float, str], ...]
+    unit: str
 
 
 @dataclass(frozen=True)
 class Content:
-    """All layers of one view, in the order of drawing, with what the legend says: a title and rows of a colour, or none, and a text."""
+    """All layers of one view, in the order of drawing, and the legend: a title, rows of a colour, or none, and a text, and a scale."""
 
     title: str
     layers: tuple[Layer, ...]
     legend: tuple[tuple[tuple[float, float, float] | None, str], ...] = ()
+    scale: Scale | None = None
 
 
 def clusters_content(found: Inspection) -> Content:

@@ -7,14 +7,22 @@ import bpy
 import numpy as np
 from bpy_extras import view3d_utils
 
-from . import overlay
+from . import last_light, overlay
 from .inspection import Inspection, cluster_of_object, cluster_under, groups_of, inspect, leaks_of, sight_of
+from .light_layers import elements_content, error_content, lux_content
 from .operators import REFUSALS, sentence
-from .overlay_layers import MOST_NAMED, clusters_content, groups_content, leaks_content, sight_content
+from .overlay_layers import MOST_NAMED, Content, clusters_content, groups_content, leaks_content, sight_content
 
 
 def _changed(_settings: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
     overlay.redraw()
+
+
+def _scale_changed(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    """Draw the false colours anew where it is they that are drawn."""
+    light, shown = last_light.of(context.scene), overlay.content()
+    if light is not None and shown is not None and shown.scale is not None and shown.scale.unit == "lux":
+        overlay.show(lux_content(light, settings.lux_top, settings.lux_logarithmic))
 
 
 class ENFILADE_PG_overlay(bpy.types.PropertyGroup):
@@ -30,6 +38,19 @@ class ENFILADE_PG_overlay(bpy.types.PropertyGroup):
     )
     level: bpy.props.IntProperty(
         name="Level", description="Level of the hierarchy that Show Clusters shows; 0: the clusters themselves", default=0, min=0, max=64
+    )
+    lux_top: bpy.props.FloatProperty(
+        name="Scale to",
+        description="Illuminance at the upper end of the scale of false colours (lux); 0: just above what nearly all surfaces receive",
+        default=0.0,
+        min=0.0,
+        soft_max=10_000.0,
+        precision=0,
+        step=1000,
+        update=_scale_changed,
+    )
+    lux_logarithmic: bpy.props.BoolProperty(
+        name="Logarithmic", description="Equal steps of colour for equal factors of light, over a thousandfold", update=_scale_changed
     )
     in_front: bpy.props.BoolProperty(
         name="In Front", description="Draw over the walls and ceilings that are in the way", default=True, update=_changed
@@ -184,6 +205,55 @@ class ENFILADE_OT_find_leaks(_Shows, bpy.types.Operator):
         return {"FINISHED"}
 
 
+class _ShowsLight:
+    """What all buttons that show the light of the last bake have in common."""
+
+    bl_options = set()
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if last_light.of(context.scene) is None:
+            cls.poll_message_set("Bake first: this light is not saved in the file, it is there from a bake until the file is closed")
+            return False
+        return True
+
+    def show(self, content: Content) -> set[str]:
+        overlay.show(content)
+        self.report({"INFO"}, content.title)
+        return {"FINISHED"}
+
+
+class ENFILADE_OT_false_color(_ShowsLight, bpy.types.Operator):
+    """Show the illuminance that the last bake found in false colours, with a scale in lux"""
+
+    bl_idname = "enfilade.false_color"
+    bl_label = "False Colour"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        settings = context.window_manager.enfilade_overlay
+        return self.show(lux_content(last_light.of(context.scene), settings.lux_top, settings.lux_logarithmic))
+
+
+class ENFILADE_OT_show_elements(_ShowsLight, bpy.types.Operator):
+    """Show the elements that the last bake divided the surfaces into: small ones where the light changes quickly"""
+
+    bl_idname = "enfilade.show_elements"
+    bl_label = "Elements"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        return self.show(elements_content(last_light.of(context.scene)))
+
+
+class ENFILADE_OT_show_error(_ShowsLight, bpy.types.Operator):
+    """Show how far the light of the last bake may be off on each element, in parts of the mean light of its room"""
+
+    bl_idname = "enfilade.show_error"
+    bl_label = "Error Estimate"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        return self.show(error_content(last_light.of(context.scene)))
+
+
 class ENFILADE_OT_hide_overlay(bpy.types.Operator):
     """Take the drawing off the viewports"""
 
@@ -230,6 +300,9 @@ _CLASSES = (
     ENFILADE_OT_show_visible,
     ENFILADE_OT_pick_visible,
     ENFILADE_OT_find_leaks,
+    ENFILADE_OT_false_color,
+    ENFILADE_OT_show_elements,
+    ENFILADE_OT_show_error,
     ENFILADE_OT_hide_overlay,
 )
 

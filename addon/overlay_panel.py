@@ -11,7 +11,7 @@ from . import overlay
 class ENFILADE_PT_overlay(bpy.types.Panel):
     """What the solver works with, drawn over the viewports."""
 
-    bl_label = "Clusters and Visibility"
+    bl_label = "Light and Visibility"
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Enfilade"
@@ -29,6 +29,7 @@ class ENFILADE_PT_overlay(bpy.types.Panel):
         row.operator("enfilade.pick_visible", icon="EYEDROPPER", text="Pick Cluster")
         row.operator("enfilade.show_visible", icon="OBJECT_DATA", text="Of Active")
         column.operator("enfilade.find_leaks", icon="ERROR")
+        _draw_light(layout, settings)
         layout.operator("enfilade.hide_overlay", icon="HIDE_ON")
         if overlay.content() is None:
             return
@@ -40,6 +41,20 @@ class ENFILADE_PT_overlay(bpy.types.Panel):
             if name in parts:
                 column.prop(settings, name)
         column.prop(settings, "in_front")
+
+
+def _draw_light(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+    """What the last bake found."""
+    column = layout.column(align=True)
+    column.operator("enfilade.false_color", icon="COLOR")
+    row = column.row(align=True)
+    row.operator("enfilade.show_elements", icon="MOD_TRIANGULATE", text="Elements")
+    row.operator("enfilade.show_error", icon="SEQ_HISTOGRAM", text="Error")
+    drawn = overlay.content()
+    if drawn is not None and drawn.scale is not None and drawn.scale.unit == "lux":
+        row = column.row(align=True)
+        row.prop(settings, "lux_top")
+        row.prop(settings, "lux_logarithmic", text="", icon="IPO_EXPO")
 
 
 def register() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import operators, viewport
+from . import operators, outdated, viewport
 from .membership import chosen_collections
 
 
@@ -27,7 +27,11 @@ def _draw_after(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     row = layout.row(align=True)
     row.operator("enfilade.show_bake", icon="HIDE_OFF", depress=viewport.shown(context.window_manager), text="Show Bake")
     row.operator("enfilade.clear", icon="TRASH", text="Clear")
+    if outdated.outdated(context.scene):
+        layout.label(text="Out of date: something has changed", icon="ERROR")
     if context.scene.enfilade.summary:
+        row = layout.row()
+        row.operator("enfilade.bake", text="Rooms of Selection", icon="FILE_REFRESH").scope = "SELECTED"
         column = layout.column(align=True)
         column.active = False
         for part in _lines(context.scene.enfilade.summary):

@@ -115,6 +115,7 @@ class ENFILADE_PG_scene(bpy.types.PropertyGroup):
     solve: bpy.props.PointerProperty(type=ENFILADE_PG_solve)
     bake: bpy.props.PointerProperty(type=ENFILADE_PG_bake)
     summary: bpy.props.StringProperty(name="Last Bake", options={"HIDDEN"})
+    baked_from: bpy.props.StringProperty(options={"HIDDEN"}, description="Fingerprint of the scene and the options of the last bake")
 
 
 class ENFILADE_PG_object(bpy.types.PropertyGroup):
@@ -145,6 +146,8 @@ class ENFILADE_PG_mesh(bpy.types.PropertyGroup):
     previous_color: bpy.props.StringProperty(options={"HIDDEN"}, description="The active colour attribute before")
     previous_default: bpy.props.StringProperty(options={"HIDDEN"}, description="The default colour attribute before")
     uv_map: bpy.props.StringProperty(options={"HIDDEN"}, description="Name of the lightmap UV map")
+    image: bpy.props.PointerProperty(type=bpy.types.Image, options={"HIDDEN"}, description="The lightmap that the UV map is made for")
+    quantity: bpy.props.StringProperty(options={"HIDDEN"}, description="What the bake holds: radiosity, lighting or lux")
     made: bpy.props.BoolProperty(options={"HIDDEN"}, description="This mesh is a copy that a bake made")
 
 

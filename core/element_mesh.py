@@ -21,7 +21,7 @@ class ElementMesh:
 
     corner : (T, 3, 3) float64, metres;  element : (T,) int64, 0..N-1
     irradiance, exitance : (T, 3, 3) float32, W/m2, RGB at the corners
-    outline : (L, 2, 3) float64, metres, the sides of the elements
+    outline : (L, 3, 3) float64, metres: both ends of every side of an element, and a point within the element
     error : (N,) float32, estimated error of the irradiance relative to the mean of the room, NaN where nothing is known
     room : (N,) int32;  leaves : number of the elements that the solution has, N or more
     """
@@ -52,7 +52,8 @@ def element_mesh(solution: Solution, most: int = 200_000) -> ElementMesh:
     fan = np.stack([np.zeros(polygons.shape[1] - 2, int), np.arange(1, polygons.shape[1] - 1), np.arange(2, polygons.shape[1])], axis=1)
     edge, other = polygons[:, fan[:, 1]] - polygons[:, fan[:, 0]], polygons[:, fan[:, 2]] - polygons[:, fan[:, 0]]
     real = np.abs(edge[..., 0] * other[..., 1] - edge[..., 1] * other[..., 0]) > 1e-9 * (box[:, 2] * box[:, 3])[:, None]
-    outline = np.stack([world, np.roll(world, -1, axis=1)], axis=2).reshape(-1, 2, 3)
+    within = np.broadcast_to(world.mean(axis=1, keepdims=True), world.shape)
+    outline = np.stack([world, np.roll(world, -1, axis=1), within], axis=2).reshape(-1, 3, 3)
     outline = outline[np.abs(outline[:, 0] - outline[:, 1]).max(axis=1) > 0]
     return ElementMesh(
         corner=world[:, fan][real],

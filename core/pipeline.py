@@ -63,7 +63,7 @@ def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
     light, room, shadow_tests = yield from _follow(first_shots, 0.06, 0.2, lambda: "Light of the luminaires")
 
     def so_far(reflected: np.ndarray) -> Solution:
-        return Solution(scene, building, forest, lamps, light, reflected, 0, limits.min_size / 2, workers, {})
+        return Solution(scene, building, forest, lamps, light, reflected, 0, limits.min_size / 2, crew, {})
 
     yield Progress("solve", 0.2, "Light of the luminaires", lambda: so_far(np.zeros_like(light)))
     estimate = _estimate(building, forest, light, room, limits.exchange)

@@ -166,10 +166,15 @@ def test_nothing_is_left_after_unregister(shop):
         kinds = (bpy.types.Scene, bpy.types.Object, bpy.types.Mesh, bpy.types.Image, bpy.types.Material, bpy.types.WindowManager)
         found = [f"{kind.__name__}.{name}" for kind in kinds for name, _ in kind.bl_rna.properties.items() if "enfilade" in name]
         found += [n for n in dir(bpy.types) if "ENFILADE" in n.upper()]
+        for name in dir(bpy.app.handlers):
+            functions = getattr(bpy.app.handlers, name)
+            if isinstance(functions, list):
+                found += [f"{name}: {f.__name__}" for f in functions if (f.__module__ or "").startswith("enfilade")]
         return found + [f"ops.{n}" for n in dir(bpy.ops.enfilade)]
 
     before = ours()
-    assert len(before) == 32
+    assert len(before) > 40
+    assert any(name.startswith("depsgraph_update_post") for name in before)
     from enfilade.addon import command_line
 
     assert command_line._handle is not None
@@ -308,8 +313,8 @@ class FakeOperator:
         from enfilade.addon.operators import ENFILADE_OT_bake
 
         self.said = []
-        self.show = True
-        for name in ("execute", "modal", "cancel", "_show_progress", "_finish", "_refuse", "_write"):
+        self.show, self.scope = True, "ALL"
+        for name in ("read", "execute", "modal", "cancel", "_show_progress", "_finish", "_refuse", "_write"):
             setattr(self, name, getattr(ENFILADE_OT_bake, name).__get__(self))
         self.start = ENFILADE_OT_bake.begin.__get__(self)
 
@@ -318,20 +323,27 @@ class FakeOperator:
 
 
 def test_a_modal_bake_finishes(shop, lit_room):
-    from enfilade.addon import operators
+    from enfilade.addon import operators, overlay
 
     shop.bpy.context.scene.enfilade.solve.quality = "draft"
     window, operator = FakeWindow(shop.bpy), FakeOperator()
     assert operator.start(window) == {"RUNNING_MODAL"}
     assert operators.progress() is not None
     assert window.handlers == [operator]
+    before, drawn = shop.state(), []
     deadline = time.monotonic() + 60
     outcome = {"PASS_THROUGH"}
     while outcome == {"PASS_THROUGH"} and time.monotonic() < deadline:
         assert operator.modal(window, Event("MOUSEMOVE")) == {"PASS_THROUGH"}
         outcome = operator.modal(window, Event("TIMER"))
+        if outcome == {"PASS_THROUGH"} and overlay.content() is not None and overlay.content() not in drawn:
+            drawn.append(overlay.content())
+            assert shop.state() == before
         time.sleep(0.01)
     assert outcome == {"FINISHED"}, operator.said
+    # The light so far was shown over the viewports meanwhile, and is gone.
+    assert {content.title for content in drawn} == {"The light so far"}
+    assert overlay.content() is None
     assert operators.progress() is None
     assert window.status is None
     assert window.handlers == []
@@ -365,7 +377,7 @@ def test_a_modal_bake_that_fails_says_so(shop, lit_room, monkeypatch):
     from enfilade.addon import job
     from enfilade.core.scene import SceneError
 
-    def work(reading):
+    def work(reading, previews):
         yield job.Step("solve", 0.1, "")
         raise SceneError("the roof leaks")
 
