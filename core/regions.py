@@ -35,7 +35,7 @@ class Regions:
         triangles (s, t >= 0, s + t <= 1) where ``piece_triangle``, else parallelograms (0 <= s, t <= 1)
     cover_start : (G + 1,), cover : (C, k, 2) convex counter-clockwise polygons of the frame that the region covers: the
         pieces, less what :mod:`footprints` takes out of them; missing corners repeat the last one
-    buried : (G,) bool, nothing but other surfaces' backs can be seen from it
+    buried : (G,) bool, no light gets to it: nothing but other surfaces' backs, or an unlit hollow, can be seen from it
     box_min, box_max : (G, 3) of the pieces;  centroid : (G, 3) of the pieces
     """
 

@@ -1,5 +1,7 @@
 """What stands on a surface takes its footprint out of it, no more and no less."""
 
+import time
+
 import numpy as np
 import pytest
 from enfilade.core import footprints, occlusion
@@ -193,3 +195,72 @@ def test_boxes_anywhere_on_the_floor(seed):
     _, after = uncovered(objects, rotation(seed))
     assert after.area[after.polygon_region[FLOOR]] == pytest.approx(20 - area, rel=1e-5)
     assert_consistent(after)
+
+
+@TURNS
+@pytest.mark.parametrize("depth", [0.3, 0.05, 0.002])
+def test_a_shelf_that_reaches_into_a_cupboard(depth, turn):
+    # The end of the board lies in the dark of the cupboard, and the cupboard's side has a hole where the board goes in.
+    cupboard, board = box((1, 1, 0), (2, 2, 2), inward=False), box((2 - depth, 1.2, 1), (3, 1.6, 1.05), inward=False)
+    _, after = uncovered([cupboard, board], turn, (1.0, 2, 3))
+    of = after.polygon_region
+    assert after.area[of[6 + 1]] == pytest.approx(2 - 0.4 * 0.05, rel=1e-6)
+    assert after.area[of[12 + 4 : 12 + 6]] == pytest.approx([0.4, 0.4], rel=1e-6)
+    assert after.area[of[12 + 2 : 12 + 4]] == pytest.approx([0.05, 0.05], rel=1e-6)
+    assert sorted(np.flatnonzero(after.buried)) == sorted(of[[6 + 4, 12]])
+    assert_consistent(after)
+
+
+def test_a_beam_through_a_wall_of_a_box_with_no_bottom():
+    # The upper box has no bottom: within it the lower box's top is no surface, nor is the beam that runs through both walls.
+    lower, upper = box((1, 1, 0), (3, 3, 0.5), inward=False), box((1.2, 1.2, 0.5), (2.8, 2.8, 1.5), inward=False, leave_out="z-")
+    beam = box((0.5, 1.9, 0.9), (3.5, 2.1, 1.1), inward=False)
+    _, after = uncovered([lower, upper, beam])
+    of = after.polygon_region
+    assert after.area[of[6 + 5]] == pytest.approx(4 - 1.6**2, rel=1e-6)
+    assert after.area[of[[12, 13]]] == pytest.approx(1.6 - 0.04, rel=1e-6)
+    assert after.area[of[17 + 2 : 17 + 6]] == pytest.approx(0.2 * (3 - 1.6), rel=1e-6)
+
+
+def test_the_hollow_under_a_tub_is_no_surface():
+    # Inner and outer walls stand on the floor, the inner bottom hangs between: the inner walls go on below it.
+    outer = box((1, 1, 0), (3, 2, 0.6), inward=False, leave_out="z- z+")
+    inner = box((1.1, 1.1, 0), (2.9, 1.9, 0.6), inward=True, leave_out="z- z+")
+    bottom, rims = (
+        [rectangle((1.1, 1.1, 0.15), (1.8, 0, 0), (0, 0.8, 0))],
+        [
+            rectangle((1, 1, 0.6), (2, 0, 0), (0, 0.1, 0)),
+            rectangle((1, 1.9, 0.6), (2, 0, 0), (0, 0.1, 0)),
+            rectangle((1, 1.1, 0.6), (0.1, 0, 0), (0, 0.8, 0)),
+            rectangle((2.9, 1.1, 0.6), (0.1, 0, 0), (0, 0.8, 0)),
+        ],
+    )
+    _, after = uncovered([outer, inner, bottom, rims])
+    of = after.polygon_region
+    assert after.area[of[FLOOR]] == pytest.approx(20 - 2, rel=1e-6)
+    assert after.area[of[[10, 11]]] == pytest.approx(0.8 * 0.45, rel=1e-6)
+    assert after.area[of[14]] == pytest.approx(1.8 * 0.8, rel=1e-6)
+
+
+def test_a_dark_room_next_door_stays():
+    # One room by name, two by walls: the second has a lamp in neither part and no door that a ray would find.
+    polygons = [*ROOM, *box(low=(4.2, 0, 0), high=(8, 5, 3)), *box((5, 1, 0), (6, 2, 1), inward=False)]
+    before = merge(scene_of(polygons, object=np.repeat([0, 1, 2], 6)))
+    after = footprints.uncover(before, occlusion.blockers_of(before))
+    of = after.polygon_region
+    np.testing.assert_allclose(after.area[of[6:10]], before.area[of[6:10]])
+    assert after.area[of[10]] == pytest.approx(3.8 * 5 - 1, rel=1e-6)
+    assert np.flatnonzero(after.buried).tolist() == [of[12 + 4]]
+
+
+def test_the_work_grows_with_the_contacts_only():
+    # 40 x 40 stools: every region against every edge of the room would be 80 million tests.
+    objects = [box((x, y, 0), (x + 0.5, y + 0.5, 0.5), inward=False) for x in np.arange(0.25, 40) for y in np.arange(0.25, 40)]
+    polygons = [*box(high=(40, 40, 3)), *(f for part in objects for f in part)]
+    number = np.repeat(np.arange(1 + len(objects)), 6)
+    before = merge(scene_of(polygons, object=number))
+    start = time.process_time()
+    after = footprints.uncover(before, occlusion.blockers_of(before))
+    assert time.process_time() - start < 8
+    assert after.area[after.polygon_region[FLOOR]] == pytest.approx(1600 - 400, rel=1e-6)
+    assert after.buried.sum() == 1600
