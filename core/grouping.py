@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 
@@ -64,11 +66,19 @@ def gathered(parts: list[np.ndarray], place: np.ndarray, weight: np.ndarray, siz
 
 
 class GrowingArray:
-    """An array that grows at its end in amortised constant time; ``view()`` is the filled part."""
+    """An array that grows at its end in amortised constant time; ``view()`` is the filled part.
+
+    ``allocate``, a function of shape and dtype like ``np.zeros``, makes room when it grows.
+    """
 
     def __init__(self, shape: tuple[int, ...] = (), dtype: np.dtype | type = np.float64):
         self._data = np.zeros((16, *shape), dtype)
         self._size = 0
+        self.allocate: Callable[..., np.ndarray] = np.zeros
+
+    def __getstate__(self) -> dict:
+        """What another process needs of it: the filled part."""
+        return {"_data": self.view(), "_size": self._size, "allocate": np.zeros}
 
     def __len__(self) -> int:
         return self._size
@@ -77,11 +87,15 @@ class GrowingArray:
         """Append rows (n, *shape)."""
         need = self._size + len(rows)
         if need > len(self._data):
-            grown = np.zeros((max(need, 2 * len(self._data)), *self._data.shape[1:]), self._data.dtype)
-            grown[: self._size] = self._data[: self._size]
-            self._data = grown
+            self.reserve(max(need, 2 * len(self._data)))
         self._data[self._size : need] = rows
         self._size = need
+
+    def reserve(self, rows: int) -> None:
+        """Make room for ``rows`` in all."""
+        grown = self.allocate((rows, *self._data.shape[1:]), self._data.dtype)
+        grown[: self._size] = self._data[: self._size]
+        self._data = grown
 
     def view(self) -> np.ndarray:
         """The filled part; not to be kept over a call of :meth:`extend`."""

@@ -7,16 +7,23 @@ touch, the kernel is fitted to the exact polygon formula from either side: then 
 
 from __future__ import annotations
 
-import dataclasses
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from .elements import Forest
+from .emitters import Emitters, emitters_of
 
 CLOSURE = (0.1, 10.0)
 """A node whose links add up to less or more than this sees next to nothing, or what cannot be."""
+BLOCK = 1 << 16
+"""Links that are worked on at once."""
+_CHUNKS = (1 << 10, 1 << 20)
+"""Links of the first chunk of a collection, and of its largest."""
+
+Allocate = Callable[..., np.ndarray]
+"""Makes an array of zeros from a shape and a dtype, like ``np.zeros``."""
 
 
 @dataclass(frozen=True)
@@ -40,74 +47,144 @@ class LinkSet:
         """Links of one shape can stand in one set."""
         return (*self.exchange.shape[1:], self.two_way)
 
+    def part(self, rows: slice) -> LinkSet:
+        """Some of them in turn."""
+        return LinkSet(self.a[rows], self.b[rows], self.exchange[rows], self.two_way)
+
 
 def joined(sets: list[LinkSet]) -> list[LinkSet]:
     """The same links with one set for each shape, in a fixed order."""
-    shapes = sorted({s.shape for s in sets})
-    groups = [[s for s in sets if s.shape == shape and len(s)] for shape in shapes]
-    return [
-        LinkSet(*(np.concatenate([getattr(s, name) for s in group]) for name in ("a", "b", "exchange")), group[0].two_way)
-        for group in groups
-        if group
-    ]
+    return [_one(group) for group in by_shape(sets)]
 
 
-def spill(links: list[LinkSet], budget: int, folder: Path) -> list[LinkSet]:
-    """The same links with at most ``budget`` bytes of exchanges in memory; the largest sets go to ``folder`` and are read from there.
-
-    Each becomes ``links-I-J-N.npy``: nodes of either side, and ways that light takes. Raises OSError when the disk refuses.
-    """
-    held = sum(group.exchange.nbytes for group in links)
-    out = list(links)
-    for k in sorted(range(len(links)), key=lambda k: -links[k].exchange.nbytes):
-        if held <= budget:
-            break
-        group = links[k]
-        i, j, both = group.shape
-        path = folder / f"links-{i}-{j}-{2 if both else 1}.npy"
-        np.save(path, group.exchange, allow_pickle=False)
-        out[k] = dataclasses.replace(group, exchange=np.load(path, mmap_mode="r", allow_pickle=False))
-        held -= group.exchange.nbytes
-    return out
+def by_shape(sets: list[LinkSet]) -> list[list[LinkSet]]:
+    """Sets of one shape together, shapes in a fixed order, without empty ones."""
+    shapes = sorted({s.shape for s in sets if len(s)})
+    return [[s for s in sets if s.shape == shape and len(s)] for shape in shapes]
 
 
-def received(forest: Forest, links: list[LinkSet], exitance: np.ndarray) -> np.ndarray:
+def _one(group: list[LinkSet]) -> LinkSet:
+    if len(group) == 1:
+        return group[0]
+    return LinkSet(*(np.concatenate([getattr(s, name) for s in group]) for name in ("a", "b", "exchange")), group[0].two_way)
+
+
+def blocks(sets: list[LinkSet]) -> Iterator[LinkSet]:
+    """The links in blocks of one shape; where one ends does not depend on how the links stand in sets."""
+    for group in by_shape(sets):
+        waiting, count = [], 0
+        for links in group:
+            low = 0
+            while low < len(links):
+                part = links.part(slice(low, low + BLOCK - count))
+                waiting, count, low = [*waiting, part], count + len(part), low + len(part)
+                if count == BLOCK:
+                    yield _one(waiting)
+                    waiting, count = [], 0
+        if waiting:
+            yield _one(waiting)
+
+
+class LinkCollector:
+    """Takes links as they are made, in chunks that ``allocate`` makes room for; without it in memory, where they are joined at last."""
+
+    def __init__(self, allocate: Allocate | None = None) -> None:
+        self._allocate = allocate
+        self._full: list[LinkSet] = []
+        self._open: dict[tuple[int, int, bool], tuple[LinkSet, int]] = {}
+
+    def add(self, sets: list[LinkSet]) -> None:
+        """Take a copy of all links of ``sets``."""
+        for links in sets:
+            low = 0
+            while low < len(links):
+                chunk, used = self._room(links.shape)
+                count = min(len(links) - low, len(chunk) - used)
+                for name in ("a", "b", "exchange"):
+                    getattr(chunk, name)[used : used + count] = getattr(links, name)[low : low + count]
+                self._open[links.shape] = chunk, used + count
+                low += count
+
+    def links(self) -> list[LinkSet]:
+        """All links in the order in which they came; the collector is empty then."""
+        sets = [*self._full, *(chunk.part(slice(used)) for chunk, used in self._open.values())]
+        self._full, self._open = [], {}
+        groups = by_shape(sets)
+        del sets
+        if self._allocate:
+            return [links for group in groups for links in group]
+        out = []
+        while groups:
+            out.append(_one(groups.pop(0)))
+        return out
+
+    def _room(self, shape: tuple[int, int, bool]) -> tuple[LinkSet, int]:
+        chunk, used = self._open.get(shape, (None, 0))
+        if chunk is not None and used < len(chunk):
+            return chunk, used
+        rows = _CHUNKS[0] if chunk is None else min(2 * len(chunk), _CHUNKS[1])
+        if chunk is not None:
+            self._full.append(chunk)
+        i, j, two_way = shape
+        data = (self._allocate or np.zeros)(rows * (2 + i * j), np.float32)
+        a, b = data[:rows].view(np.int32), data[rows : 2 * rows].view(np.int32)
+        return LinkSet(a, b, data[2 * rows :].reshape(rows, i, j), two_way), 0
+
+
+def received(forest: Forest, links: list[LinkSet], exitance: np.ndarray, allocate: Allocate = np.zeros) -> np.ndarray:
     """(E, m, 1) float32 coefficients of the irradiance at every element, ancestors included, from exitance (E, m, 1) of all."""
-    everything = np.arange(len(forest))
-    sent = forest.at_nodes(everything, exitance)[..., 0] * forest.node_weights
-    gathered = np.zeros((len(forest), forest.node_count, 1), np.float32)
-    constant = np.zeros((len(forest), 1), np.float32)
-    for group in links:
-        for source, receiver, exchange in directions(group):
-            power = sent[source] if exchange.shape[2] > 1 else sent[source].sum(1, keepdims=True)
-            light = np.einsum("nij,nj->ni", exchange, power)
-            order = np.argsort(receiver, kind="stable")
-            first = np.flatnonzero(np.r_[True, np.diff(receiver[order]) > 0])
-            total = np.add.reduceat(light[order], first, axis=0)
-            if total.shape[1] == 1:
-                constant[receiver[order[first]]] += total
-            else:
-                gathered[receiver[order[first]], :, 0] += total
-    own = forest.from_nodes(everything, gathered)
-    own[:, 0] += constant
-    return forest.push(own)
+    return forest.push(_arriving(forest, links, lambda elements: exitance[elements], allocate))
 
 
-def closing_gain(forest: Forest, links: list[LinkSet], closed: np.ndarray) -> np.ndarray:
+def closing_gain(
+    forest: Forest, links: list[LinkSet], closed: np.ndarray, emitters: Emitters | None = None, allocate: Allocate = np.zeros
+) -> np.ndarray:
     """(E, q*q) float32 factor for what the nodes of leaves receive that makes the links of every closed node add up to one.
 
     From exitance 1 all around, a point of a closed room receives exactly 1; what the links give instead is their error. A
     node that sees next to nothing is left at 1, as is every node that is not ``closed`` (E,) bool.
     """
-    everything, leaf = np.arange(len(forest)), forest.leaf
-    one = np.zeros((len(forest), forest.functions, 1), np.float32)
+    one = np.zeros((1, forest.functions, 1), np.float32)
     one[:, 0] = 1
-    total = forest.at_nodes(everything, received(forest, links, one))[..., 0]
-    known = (closed & leaf)[:, None] & (total > CLOSURE[0]) & (total < CLOSURE[1])
-    return np.where(known, 1 / np.where(known, total, 1), 1).astype(np.float32)
+    own = _arriving(forest, links, lambda elements: np.broadcast_to(one, (len(elements), *one.shape[1:])), allocate)
+    gain = allocate((len(forest), forest.node_count), np.float32)
+    emitters = emitters or emitters_of(forest, forest.region, len(forest.regions))
+    for places in emitters.blocks(BLOCK):
+        elements, trees = emitters.order[places], emitters.trees_of_block(forest, places)
+        total = forest.at_nodes(elements, trees.push(own[elements]))[..., 0]
+        leaf = closed[elements] & (forest.children[elements] < 0).all(1)
+        known = leaf[:, None] & (total > CLOSURE[0]) & (total < CLOSURE[1])
+        gain[elements] = np.where(known, 1 / np.where(known, total, 1), 1)
+    return gain
 
 
-def directions(group: LinkSet):
+def _arriving(forest: Forest, links: list[LinkSet], exitance: Callable[[np.ndarray], np.ndarray], allocate: Allocate) -> np.ndarray:
+    """(E, m, 1) float32 coefficients of what every element receives over its own links from ``exitance`` (n, m, 1) of elements (n,)."""
+    gathered = allocate((len(forest), forest.node_count, 1), np.float32)
+    constant = allocate((len(forest), 1), np.float32)
+    for group in blocks(links):
+        for source, receiver, exchange in directions(group):
+            power = forest.at_nodes(source, exitance(source))[..., 0] * forest.node_weights[source]
+            if exchange.shape[2] == 1:
+                power = power.sum(1, keepdims=True)
+            light = np.einsum("nij,nj->ni", exchange, power)
+            order = np.argsort(receiver, kind="stable")
+            to = receiver[order]
+            first = np.flatnonzero(np.r_[True, to[1:] != to[:-1]])
+            total = np.add.reduceat(light[order], first, axis=0)
+            if total.shape[1] == 1:
+                constant[to[first]] += total
+            else:
+                gathered[to[first], :, 0] += total
+    own = allocate((len(forest), forest.functions, 1), np.float32)
+    for low in range(0, len(forest), BLOCK):
+        here = np.arange(low, min(low + BLOCK, len(forest)))
+        own[here] = forest.from_nodes(here, gathered[here])
+        own[here, 0] += constant[here]
+    return own
+
+
+def directions(group: LinkSet) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """The ways light takes through a set of links: (source (n,), receiver (n,), exchange (n, receiver nodes, source nodes))."""
     yield group.b, group.a, group.exchange
     if group.two_way:

@@ -17,7 +17,7 @@ import numpy as np
 from . import transport
 from .building import Building
 from .elements import Forest
-from .links import LinkSet, joined
+from .links import LinkCollector, LinkSet
 from .occlusion import Bodies, Cuts, ShaftIndex, Shafts, cut_segments
 from .parallel import Crew
 from .passages import Passages
@@ -78,26 +78,30 @@ class _Outcome:
     segment_tests: int
 
 
-def link(building: Building, forest: Forest, estimate: Estimate, min_size: float, crew: Crew) -> Iterator[float | Linking]:
+def link(
+    building: Building, forest: Forest, estimate: Estimate, min_size: float, crew: Crew, collector: LinkCollector | None = None
+) -> Iterator[float | Linking]:
     """Make the links of a building; elements are split on the way. Yields the share of the work done, at last the links.
 
-    min_size : metres, elements are not split below it
+    min_size : metres, elements are not split below it;  collector : takes the links as they are made
     """
+    collector = collector or LinkCollector()
     blocks = [block for scope in scopes_of(building) for block in _blocks_of(scope.nearby, scope.a, scope.b)]
-    links, dropped, tests, rounds = [], 0.0, 0, 0
+    dropped, tests, rounds = 0.0, 0, 0
     while blocks:
         outcomes = []
         for outcome in crew.map(_treat, (building, forest, estimate, min_size), blocks):
+            collector.add(outcome.links)
+            outcome.links = []
             outcomes.append(outcome)
             yield 1 - 0.5 ** (rounds + len(outcomes) / len(blocks))
         rounds += 1
-        links = joined(links + [s for o in outcomes for s in o.links])
         dropped += sum(o.dropped for o in outcomes)
         tests += sum(o.segment_tests for o in outcomes)
         forest.split(np.concatenate([o.split_a[0] for o in outcomes] + [o.split_b[1] for o in outcomes]))
         estimate = _inherited(estimate, forest)
         blocks = _next(forest, blocks, outcomes)
-    yield Linking(links, dropped, tests)
+    yield Linking(collector.links(), dropped, tests)
 
 
 def _inherited(estimate: Estimate, forest: Forest) -> Estimate:

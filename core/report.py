@@ -8,22 +8,21 @@ from .building import Building, items_of
 from .clustering.quality import as_report, quality_of
 from .elements import Forest
 from .memory import peak_bytes
-from .refinement import Linking
 from .shooting import Radiosity
+from .stages import Linked
 
 
 def report_of(
     polygons: int,
     building: Building,
     forest: Forest,
-    linking: Linking,
+    linked: Linked,
     radiosity: Radiosity,
     irradiance: np.ndarray,
-    lost: np.ndarray,
     closed: np.ndarray,
     escaped: float,
 ) -> dict:
-    """irradiance : (E, m, 3) of every element, direct and reflected, W/m2;  lost : (R,) share of lost rays, closed : (R,) bool
+    """irradiance : (E, m, 3) of every element, direct and reflected, W/m2;  closed : (R,) bool of every room
 
     Powers are sums over the three channels, W. ``residual_bound`` (W/m2) bounds what the unshot light can still add anywhere,
     ``dropped_bound`` (W) the light of exchanges too small to be linked.
@@ -36,7 +35,7 @@ def report_of(
     return {
         "rooms": building.room_count,
         "rooms_closed": int(closed.sum()),
-        "lost_rays": float(lost.max(initial=0.0)),
+        "lost_rays": float(linked.lost.max(initial=0.0)),
         "polygons": polygons,
         "clusters": len(building.clusters),
         "rooms_oscillated": int(building.clusters.oscillated.sum()),
@@ -45,13 +44,13 @@ def report_of(
         "pvs_polygons_max": int(graph.pvs_polygons.max(initial=0)),
         "pvs_polygons_mean": float(graph.pvs_polygons.mean()),
         "elements": len(forest),
-        "links": int(sum(len(group) for group in linking.links)),
+        "links": int(sum(len(group) for group in linked.links)),
         "iterations": radiosity.iterations,
         "unshot_fraction": float(radiosity.unshot.sum() / max(emitted, 1e-300)),
         "residual_bound": brightest / (1 - brightest) * radiosity.unshot_exitance if brightest < 1 else float("inf"),
-        "dropped_bound": linking.dropped,
+        "dropped_bound": linked.dropped,
         "energy": {"emitted": emitted, "absorbed": float(absorbed), "escaped": escaped},
-        "segment_tests": linking.segment_tests,
+        "segment_tests": linked.segment_tests,
         "peak_bytes": peak_bytes(),
     }
 

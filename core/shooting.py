@@ -12,8 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from .elements import Forest, Subtrees
-from .links import LinkSet
+from .emitters import Emitters
+from .links import BLOCK
 from .ordering import Candidates, Strategy
+from .routes import Beam, Routes
+from .store import Residency, Space, give_back
 
 
 @dataclass(frozen=True)
@@ -42,50 +45,45 @@ class Radiosity:
     shot: np.ndarray
 
 
-@dataclass(frozen=True)
-class _Route:
-    """The links of one shape over which one emitter shoots: rows of the set sorted by receiver, and the receivers."""
-
-    links: LinkSet
-    rows: np.ndarray
-    reverse: bool
-    first: np.ndarray
-    receivers: np.ndarray
-
-
 class Shooter:
     """State of the shooting of reflected light between emitters (clusters or cells).
 
-    unit : (E,) int emitter of every element, 0..units-1;  direct : (E, m, 3) irradiance from luminaires at every element,
-    ancestors included;  gain : (E, q*q) factor for what each node of a leaf receives over its links;
-    emitted : W, for the convergence test
+    routes : the links of ``emitters``, whose elements are those of ``forest``
+    direct : (E, m, 3) irradiance from luminaires at every element, ancestors included
+    gain : (E, q*q) factor for what each node of a leaf receives over its links;  emitted : W, for the convergence test
+    space : where the light is kept. What is not in memory of it goes to disk emitter by emitter.
     """
 
     def __init__(
-        self, forest: Forest, links: list[LinkSet], unit: np.ndarray, units: int, direct: np.ndarray, gain: np.ndarray, emitted: float
+        self,
+        forest: Forest,
+        routes: Routes,
+        emitters: Emitters,
+        direct: np.ndarray,
+        gain: np.ndarray,
+        emitted: float,
+        space: Space | None = None,
     ):
-        self._forest, self._units, self._emitted = forest, units, emitted
-        self._unit, self._gain = unit, gain
-        order = np.lexsort((forest.level, unit))
-        self._elements = np.split(order, np.searchsorted(unit[order], np.arange(1, units)))
-        self._place = np.zeros(len(forest), np.int32)
-        for own in self._elements:
-            self._place[own] = np.arange(len(own))
-        self._trees = [Subtrees(forest, own, self._place) for own in self._elements]
-        self._gained = forest.leaf & (gain != 1).any(1)
-        self._reflectance = forest.regions.reflectance[forest.region].astype(np.float32)
-        self._routes = _routes(links, unit, units)
-        count = len(forest)
-        self._gathered = np.zeros((count, forest.node_count, 3), np.float32)
-        self._constant = np.zeros((count, 3), np.float32)
-        self._total = np.zeros((count, forest.functions, 3), np.float32)
-        self._first = direct
-        self._fresh = np.ones(units, bool)
-        leaf = np.flatnonzero(forest.leaf)
-        power = forest.mean(leaf, direct[leaf]) * self._reflectance[leaf] * forest.area[leaf, None]
+        self._forest, self._routes, self._emitters, self._emitted = forest, routes, emitters, emitted
+        self._first, self._gain = direct, gain
+        self._space = space or Space()
+        self._trees: dict[int, Subtrees] = {}
+        self._light, mapped = self._space.paged(len(forest), _light_of(forest))
+        units, size = len(emitters), np.diff(emitters.start) * self._light.itemsize
+        self._mapped = mapped
+        limit = 0.5 * self._space.limit if mapped is not None else np.inf
+        self._residency = Residency(size, limit, self._leave)
+        self._links_read = 0
         self.unshot = np.zeros((units, 3))
-        np.add.at(self.unshot, unit[leaf], power)
+        for places in emitters.blocks(BLOCK):
+            own = emitters.order[places]
+            leaf = own[_leaf(forest, own)]
+            power = forest.mean(leaf, direct[leaf]) * self._reflectance(leaf) * forest.area[leaf, None]
+            np.add.at(self.unshot, emitters.of(emitters.place[leaf]), power)
+            self._space.breathe()
         self.received, self.shot = np.zeros((units, 3)), np.zeros((units, 3))
+        self._fresh, self._marked = np.ones(units, bool), np.zeros(units, bool)
+        self._iteration, self._last = 0, -1
 
     def run(self, strategy: Strategy, rng: np.random.Generator, tolerance: float, max_iterations: int) -> Iterator[Shot | Radiosity]:
         """Shoot until the unshot part of the emitted power is at most ``tolerance``; yields every shot, at last the light.
@@ -93,103 +91,152 @@ class Shooter:
         In every iteration each emitter shoots once, in the order of ``strategy`` (paper, figure 7). One with next to nothing to
         shoot is passed over, and nothing is read for it, until it has received more.
         """
-        iteration, last = 0, -1
         limit = tolerance * max(self._emitted, 1e-300)
         # What is far below its share of the tolerance waits for more: a shot of next to nothing costs as much as any.
-        least = 0.1 * limit / self._units
-        while self.unshot.sum() > limit and iteration < max_iterations:
-            marked = np.zeros(self._units, bool)
-            while (waiting := ~marked & ((unshot := self.unshot.sum(1)) > least)).any():
-                last = strategy(Candidates(np.flatnonzero(waiting), unshot, last, rng))
-                marked[last] = True
-                self._shoot(last)
-                yield Shot(iteration, last, float(self.unshot.sum()) / max(self._emitted, 1e-300))
-            iteration += 1
-        yield self._finish(iteration)
+        least = 0.1 * limit / len(self._emitters)
+        # Whoever is marked has shot in an iteration that was interrupted: it is finished first.
+        while self._marked.any() or (self.unshot.sum() > limit and self._iteration < max_iterations):
+            while (waiting := ~self._marked & ((unshot := self.unshot.sum(1)) > least)).any():
+                self._last = strategy(Candidates(np.flatnonzero(waiting), unshot, self._last, rng))
+                self._marked[self._last] = True
+                self._shoot(self._last)
+                yield Shot(self._iteration, self._last, float(self.unshot.sum()) / max(self._emitted, 1e-300))
+            self._iteration += 1
+            self._marked[:] = False
+        yield self._finish()
 
-    def _take(self, unit: int) -> np.ndarray:
-        """Exitance (n, m, 3) that the elements of a unit have not shot, now taken as shot."""
-        own = self._elements[unit]
-        forest, trees = self._forest, self._trees[unit]
-        received = forest.from_nodes(own, self._gathered[own])
-        received[:, 0] += self._constant[own]
-        self._gathered[own] = 0
-        self._constant[own] = 0
-        self._total[own] += received
-        light = self._corrected(trees.push(received), own)
-        if self._fresh[unit]:
-            light = light + self._first[own]
-            self._fresh[unit] = False
-        return trees.pull(light * self._reflectance[own][:, None])
+    def state(self) -> dict[str, np.ndarray]:
+        """All that a shooter of the same links needs to go on from here; to be used before the next shot."""
+        numbers = {name: getattr(self, name) for name in ("unshot", "received", "shot")}
+        flags = {"fresh": self._fresh, "marked": self._marked, "at": np.array([self._iteration, self._last])}
+        return {"light": self._light} | numbers | flags
 
-    def _corrected(self, light: np.ndarray, elements: np.ndarray) -> np.ndarray:
-        """Irradiance (n, m, 3) of elements times the gain at their nodes; only leaves matter, the others are pulled from them."""
-        leaf = np.flatnonzero(self._gained[elements])
-        ids = elements[leaf]
-        light[leaf] = self._forest.from_nodes(ids, self._forest.at_nodes(ids, light[leaf]) * self._gain[ids, :, None])
-        return light
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Go on from a :meth:`state`."""
+        for low in range(0, len(self._light), BLOCK):
+            self._light[low : low + BLOCK] = state["light"][low : low + BLOCK]
+        self._page_out(0, len(self._light))
+        self.unshot, self.received, self.shot = (state[name].copy() for name in ("unshot", "received", "shot"))
+        self._fresh, self._marked = state["fresh"].copy(), state["marked"].copy()
+        self._iteration, self._last = (int(x) for x in state["at"])
 
-    def _shoot(self, unit: int) -> None:
-        forest, own = self._forest, self._elements[unit]
-        exitance = self._take(unit)
-        power = forest.at_nodes(own, exitance) * forest.node_weights[own][..., None]
-        flux = power.sum(1)
-        self.shot[unit] += self.unshot[unit]
-        self.unshot[unit] = 0
-        for route in self._routes[unit]:
-            links, rows = route.links, route.rows
-            source = links.a if route.reverse else links.b
-            exchange = links.exchange[rows]
-            if route.reverse:
-                exchange = exchange.transpose(0, 2, 1)
-            at = self._place[source[rows]]
-            sent = power[at] if exchange.shape[2] > 1 else flux[at][:, None]
-            light = np.add.reduceat(np.matmul(exchange, sent), route.first, axis=0)
-            self._receive(route.receivers, light)
-
-    def _receive(self, receivers: np.ndarray, light: np.ndarray) -> None:
-        forest = self._forest
-        if light.shape[1] == 1:
-            self._constant[receivers] += light[:, 0]
-            flux = light[:, 0] * forest.area[receivers, None]
-        else:
-            self._gathered[receivers] += light
-            flux = np.einsum("nqc,nq->nc", light, forest.node_weights[receivers])
-        unit, reflected = self._unit[receivers], flux * self._reflectance[receivers]
-        for channel in range(3):
-            self.received[:, channel] += np.bincount(unit, flux[:, channel], minlength=self._units)
-            self.unshot[:, channel] += np.bincount(unit, reflected[:, channel], minlength=self._units)
+    def disk(self) -> dict[str, int]:
+        """Bytes of light that were read and written, and of links that were read, because they are not in memory."""
+        light = (self._residency.read, self._residency.written) if self._mapped is not None else (0, 0)
+        return {"light_read": light[0], "light_written": light[1], "links_read": self._links_read}
 
     def so_far(self) -> np.ndarray:
         """(E, m, 3) coefficients as in ``Radiosity.irradiance``, of the light that was received up to now."""
-        return self._finish(0).irradiance
+        return self._finish().irradiance
 
-    def _finish(self, iterations: int) -> Radiosity:
-        forest = self._forest
-        everything = np.arange(len(forest))
-        rest = forest.from_nodes(everything, self._gathered)
-        rest[:, 0] += self._constant
-        waiting = self._fresh[self._unit][:, None, None]
-        leaf = np.flatnonzero(forest.leaf)
-        left = (self._corrected(forest.push(rest), everything) + np.where(waiting, self._first, 0))[leaf]
-        exitance = np.abs(forest.mean(leaf, left)) * self._reflectance[leaf]
-        brightest = float(exitance.max(initial=0.0))
-        total = self._corrected(forest.push(self._total + rest), everything)
-        total = forest.pull(np.where(forest.leaf[:, None, None], total, 0))
-        return Radiosity(total, iterations, self.unshot.sum(0), brightest, self.received, self.shot)
+    def _leave(self, emitters: np.ndarray) -> None:
+        """The light of ``emitters`` need not be in memory any more."""
+        start = self._emitters.start
+        for emitter in emitters:
+            self._page_out(start[emitter], start[emitter + 1])
+
+    def _page_out(self, low: int, high: int) -> None:
+        if self._mapped is not None:
+            give_back(self._mapped, int(low) * self._light.itemsize, int(high) * self._light.itemsize)
+
+    def _subtrees(self, emitter: int) -> Subtrees:
+        """Push and pull on the elements of an emitter, kept for its next shot where there is memory for it."""
+        if emitter in self._trees:
+            return self._trees[emitter]
+        trees = self._emitters.trees(self._forest, emitter)
+        if not self._space.limited:
+            self._trees[emitter] = trees
+        return trees
+
+    def _reflectance(self, elements: np.ndarray) -> np.ndarray:
+        """(n, 3) float32."""
+        return self._forest.regions.reflectance[self._forest.region[elements]].astype(np.float32)
+
+    def _take(self, emitter: int, own: np.ndarray) -> np.ndarray:
+        """Exitance (n, m, 3) that the elements ``own`` of an emitter have not shot, now taken as shot."""
+        forest, trees = self._forest, self._subtrees(emitter)
+        light = self._light[self._emitters.start[emitter] : self._emitters.start[emitter + 1]]
+        received = _received(forest, own, light)
+        light["gathered"] = 0
+        light["constant"] = 0
+        light["total"] += received
+        total = self._corrected(trees.push(received), own)
+        if self._fresh[emitter]:
+            total = total + self._first[own]
+            self._fresh[emitter] = False
+        return trees.pull(total * self._reflectance(own)[:, None])
+
+    def _corrected(self, light: np.ndarray, elements: np.ndarray) -> np.ndarray:
+        """Irradiance (n, m, 3) of elements times the gain at their nodes; only leaves matter, the others are pulled from them."""
+        gain = self._gain[elements]
+        leaf = np.flatnonzero(_leaf(self._forest, elements) & (gain != 1).any(1))
+        ids = elements[leaf]
+        light[leaf] = self._forest.from_nodes(ids, self._forest.at_nodes(ids, light[leaf]) * gain[leaf, :, None])
+        return light
+
+    def _shoot(self, emitter: int) -> None:
+        forest, emitters = self._forest, self._emitters
+        own = emitters.order[emitters.start[emitter] : emitters.start[emitter + 1]]
+        self._residency.next_shot()
+        self._residency.need(np.array([emitter]))
+        exitance = self._take(emitter, own)
+        power = forest.at_nodes(own, exitance) * forest.node_weights[own][..., None]
+        flux = power.sum(1)
+        self.shot[emitter] += self.unshot[emitter]
+        self.unshot[emitter] = 0
+        for beam in self._routes.beams(emitter):
+            self._links_read += beam.nbytes if self._routes.on_disk else 0
+            sent = power[beam.source] if beam.exchange.shape[2] > 1 else flux[beam.source][:, None]
+            self._receive(beam, np.add.reduceat(np.matmul(beam.exchange, sent), beam.first, axis=0))
+        self._space.breathe()
+
+    def _receive(self, beam: Beam, light: np.ndarray) -> None:
+        forest, places = self._forest, beam.receivers
+        emitter, elements = self._emitters.of(places), self._emitters.order[places]
+        self._residency.need(emitter[np.r_[True, emitter[1:] != emitter[:-1]]])
+        if light.shape[1] == 1:
+            self._light["constant"][places] += light[:, 0]
+            flux = light[:, 0] * forest.area[elements, None]
+        else:
+            self._light["gathered"][places] += light
+            flux = np.einsum("nqc,nq->nc", light, forest.node_weights[elements])
+        reflected = flux * self._reflectance(elements)
+        for channel in range(3):
+            self.received[:, channel] += np.bincount(emitter, flux[:, channel], minlength=len(self._emitters))
+            self.unshot[:, channel] += np.bincount(emitter, reflected[:, channel], minlength=len(self._emitters))
+
+    def _finish(self) -> Radiosity:
+        forest, emitters = self._forest, self._emitters
+        out = self._space.zeros((len(forest), forest.functions, 3), np.float32)
+        brightest = 0.0
+        for places in emitters.blocks(BLOCK):
+            own, trees, light = emitters.order[places], emitters.trees_of_block(forest, places), self._light[places]
+            rest = _received(forest, own, light)
+            waiting = self._fresh[emitters.of(np.arange(places.start, places.stop))][:, None, None]
+            leaf = _leaf(forest, own)
+            left = self._corrected(trees.push(rest), own) + np.where(waiting, self._first[own], 0)
+            exitance = np.abs(forest.mean(own[leaf], left[leaf])) * self._reflectance(own[leaf])
+            brightest = max(brightest, float(exitance.max(initial=0.0)))
+            total = self._corrected(trees.push(light["total"] + rest), own)
+            out[own] = trees.pull(np.where(leaf[:, None, None], total, 0))
+            self._page_out(places.start, places.stop)
+            self._space.breathe()
+        return Radiosity(out, self._iteration, self.unshot.sum(0), brightest, self.received, self.shot)
 
 
-def _routes(links: list[LinkSet], unit: np.ndarray, units: int) -> list[list[_Route]]:
-    """For every emitter the links that leave its elements, receivers together, so that sums run over neighbours in memory."""
-    routes: list[list[_Route]] = [[] for _ in range(units)]
-    for group in links:
-        for reverse in (False, True) if group.two_way else (False,):
-            source, receiver = (group.a, group.b) if reverse else (group.b, group.a)
-            order = np.lexsort((receiver, unit[source]))
-            cuts = np.searchsorted(unit[source[order]], np.arange(units + 1))
-            for k in np.flatnonzero(np.diff(cuts)):
-                rows = order[cuts[k] : cuts[k + 1]].astype(np.int32)
-                to = receiver[rows]
-                first = np.flatnonzero(np.r_[True, to[1:] != to[:-1]])
-                routes[k].append(_Route(group, rows, reverse, first, to[first]))
-    return routes
+def _light_of(forest: Forest) -> np.dtype:
+    """The light of an element: what its nodes, and all of it alike, have received and not shot, and what it has received in all."""
+    parts = [("gathered", (forest.node_count, 3)), ("constant", (3,)), ("total", (forest.functions, 3))]
+    return np.dtype([(name, "<f4", shape) for name, shape in parts])
+
+
+def _leaf(forest: Forest, elements: np.ndarray) -> np.ndarray:
+    """(n,) bool."""
+    return (forest.children[elements] < 0).all(1)
+
+
+def _received(forest: Forest, elements: np.ndarray, light: np.ndarray) -> np.ndarray:
+    """(n, m, 3) coefficients of the light that elements have received and not shot."""
+    received = forest.from_nodes(elements, np.ascontiguousarray(light["gathered"]))
+    received[:, 0] += light["constant"]
+    return received
