@@ -17,6 +17,7 @@ from . import (
     portal_operators,
     properties,
     roles,
+    room_operators,
     viewport,
 )
 
@@ -30,6 +31,7 @@ MODULES = (
     portal_operators,
     overlay,
     overlay_operators,
+    room_operators,
     panel,
     overlay_panel,
     command_line,

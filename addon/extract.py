@@ -58,11 +58,12 @@ class Extraction:
 
 
 @dataclass
-class _Part:
-    """One object or instance: its faces as planar polygons."""
+class Part:
+    """One object or instance: its faces as planar polygons. ``owner`` is what makes the instance, or the object itself."""
 
     name: str
     thing: bpy.types.Object
+    owner: bpy.types.Object
     rooms: tuple[int, ...]
     mesh: MeshArrays
     faces: PlanarFaces
@@ -82,8 +83,8 @@ def extract(context: bpy.types.Context) -> Extraction:
     with everything_evaluated(scene, view_layer):
         depsgraph = context.evaluated_depsgraph_get()
         warnings: list[str] = []
-        parts = _parts(depsgraph, found, scale, warnings)
-        openings = _portal_faces(depsgraph, found, scale) if found.collections else []
+        parts = parts_of(depsgraph, found, scale, warnings)
+        openings = portal_faces(depsgraph, found, scale) if found.collections else []
     if not parts:
         raise SceneError("the scene has no face that is visible in renders: there is nothing to bake")
     if found.left_out:
@@ -94,7 +95,7 @@ def extract(context: bpy.types.Context) -> Extraction:
     if _world_shines(scene.world):
         warnings.append(f"the light of the world '{scene.world.name}' is not taken into account yet")
 
-    built = _assemble(parts)
+    built = assemble(parts)
     room = _rooms_of_polygons(built, parts, found, openings, warnings)
     portals = _portals(built, room, openings, found)
     starts = np.cumsum([0] + [len(part.faces.face) for part in parts])
@@ -127,12 +128,12 @@ def extract(context: bpy.types.Context) -> Extraction:
     return Extraction(checked, tuple(receivers), tuple(dict.fromkeys(warnings)), scale)
 
 
-def _parts(depsgraph: bpy.types.Depsgraph, found: Membership, scale: float, warnings: list[str]) -> list[_Part]:
+def parts_of(depsgraph: bpy.types.Depsgraph, found: Membership, scale: float, warnings: list[str]) -> list[Part]:
     """All surfaces: objects in the order of the collections, the instances of each after it."""
     order = {thing: k for k, thing in enumerate(found.rooms)}
     portals = set(found.portals)
     materials: dict[bpy.types.Material | None, Surface] = {}
-    parts: list[tuple[tuple[int, bool], _Part]] = []
+    parts: list[tuple[tuple[int, bool], Part]] = []
     instanced: dict[str, None] = {}
     for item in depsgraph.object_instances:
         thing = item.object.original
@@ -144,7 +145,7 @@ def _parts(depsgraph: bpy.types.Depsgraph, found: Membership, scale: float, warn
         if item.object.type not in ("MESH", "CURVE", "SURFACE", "META", "FONT"):
             continue
         name = f"{thing.name} in {owner.name}" if item.is_instance else thing.name
-        part = _part(item.object, np.array(item.matrix_world), name, thing, found.rooms[owner], scale, materials, warnings)
+        part = _part(item.object, np.array(item.matrix_world), name, thing, owner, found.rooms[owner], scale, materials, warnings)
         if part is None:
             continue
         part.receiver = not item.is_instance and thing.type == "MESH" and thing.library is None and thing.override_library is None
@@ -161,7 +162,7 @@ def _shows_itself(thing: bpy.types.Object) -> bool:
     return thing.instance_type == "NONE" or thing.show_instancer_for_render or thing.type != "MESH"
 
 
-def _part(evaluated, matrix, name, thing, rooms, scale, materials, warnings) -> _Part | None:
+def _part(evaluated, matrix, name, thing, owner, rooms, scale, materials, warnings) -> Part | None:
     mesh = evaluated.to_mesh()
     try:
         if mesh is None or len(mesh.polygons) == 0:
@@ -181,11 +182,11 @@ def _part(evaluated, matrix, name, thing, rooms, scale, materials, warnings) -> 
             warnings.extend(said)
         surfaces.append(materials[original])
     faces = planar_faces(arrays.position, arrays.corner_vertex, arrays.face_start, arrays.triangle, arrays.triangle_face)
-    return _Part(name, thing, rooms, arrays, faces, surfaces, False, in_place)
+    return Part(name, thing, owner, rooms, arrays, faces, surfaces, False, in_place)
 
 
 @dataclass(frozen=True)
-class _Built:
+class Built:
     """The arrays of a scene before its rooms are known, and (P,) the part that each polygon comes from."""
 
     vertices: np.ndarray
@@ -196,7 +197,7 @@ class _Built:
     object: np.ndarray
 
 
-def _assemble(parts: list[_Part]) -> _Built:
+def assemble(parts: list[Part]) -> Built:
     vertices, corner, size, reflectance, emission, owner = [], [], [], [], [], []
     base = 0
     for k, part in enumerate(parts):
@@ -214,7 +215,7 @@ def _assemble(parts: list[_Part]) -> _Built:
         emission.append(np.array([s.emission for s in part.surfaces])[slot])
         owner.append(np.full(len(faces.face), k, np.int32))
         base += len(mesh.position)
-    return _Built(
+    return Built(
         np.concatenate(vertices),
         np.concatenate(corner).astype(np.int32),
         np.concatenate([[0], np.cumsum(np.concatenate(size))]).astype(np.int64),
@@ -225,7 +226,7 @@ def _assemble(parts: list[_Part]) -> _Built:
 
 
 @dataclass(frozen=True)
-class _Opening:
+class Opening:
     """One portal: its name, (n, 3) corners in metres and the object that it is a face of."""
 
     name: str
@@ -233,7 +234,7 @@ class _Opening:
     thing: bpy.types.Object
 
 
-def _portal_faces(depsgraph: bpy.types.Depsgraph, found: Membership, scale: float) -> list[_Opening]:
+def portal_faces(depsgraph: bpy.types.Depsgraph, found: Membership, scale: float) -> list[Opening]:
     openings = []
     for thing in found.portals:
         evaluated = thing.evaluated_get(depsgraph)
@@ -252,11 +253,11 @@ def _portal_faces(depsgraph: bpy.types.Depsgraph, found: Membership, scale: floa
             if pieces[face] != 1 or (face_corners := arrays.face_start[face + 1] - arrays.face_start[face]) < 3:
                 raise SceneError(f"portal '{name}' is not one flat convex face: cut it into such faces")
             loop = arrays.corner_vertex[arrays.face_start[face] : arrays.face_start[face] + face_corners]
-            openings.append(_Opening(name, arrays.position[loop[::-1] if arrays.mirrored else loop], thing))
+            openings.append(Opening(name, arrays.position[loop[::-1] if arrays.mirrored else loop], thing))
     return openings
 
 
-def _fan(corner_vertex: np.ndarray, loop_start: np.ndarray, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def fan(corner_vertex: np.ndarray, loop_start: np.ndarray, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Triangles (T, 3, 3) of convex polygons and the polygon of each."""
     triangles = np.diff(loop_start) - 2
     polygon = np.repeat(np.arange(len(triangles)), triangles)
@@ -274,7 +275,7 @@ def _middles(vertices, corner_vertex, loop_start) -> tuple[np.ndarray, np.ndarra
     return centre / np.diff(loop_start)[:, None], vector / np.maximum(np.linalg.norm(vector, axis=1), 1e-300)[:, None]
 
 
-def _rooms_of_polygons(built: _Built, parts: list[_Part], found: Membership, openings: list[_Opening], warnings: list[str]) -> np.ndarray:
+def _rooms_of_polygons(built: Built, parts: list[Part], found: Membership, openings: list[Opening], warnings: list[str]) -> np.ndarray:
     """(P,) int32: the room of every polygon."""
     only = np.array([part.rooms[0] if len(part.rooms) == 1 else UNDECIDED for part in parts], np.int32)
     room = only[built.object]
@@ -299,9 +300,9 @@ def _rooms_of_polygons(built: _Built, parts: list[_Part], found: Membership, ope
     return room
 
 
-def _walls(built: _Built, room: np.ndarray, openings: list[_Opening], count: int) -> tuple[Walls, np.ndarray, np.ndarray]:
+def _walls(built: Built, room: np.ndarray, openings: list[Opening], count: int) -> tuple[Walls, np.ndarray, np.ndarray]:
     """What rays can meet, and the bounding boxes (R, 3) of the rooms' own surfaces."""
-    triangles, polygon = _fan(built.corner_vertex, built.loop_start, built.vertices)
+    triangles, polygon = fan(built.corner_vertex, built.loop_start, built.vertices)
     owner = room[polygon]
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     np.minimum.at(low, owner[owner >= 0], triangles[owner >= 0].min(axis=1))
@@ -309,7 +310,7 @@ def _walls(built: _Built, room: np.ndarray, openings: list[_Opening], count: int
     if openings:
         corners = np.concatenate([o.corners for o in openings])
         start = np.cumsum([0] + [len(o.corners) for o in openings])
-        closed, _ = _fan(np.arange(len(corners)), start, corners)
+        closed, _ = fan(np.arange(len(corners)), start, corners)
         triangles = np.concatenate([triangles, closed])
         owner = np.concatenate([owner, np.full(len(closed), UNDECIDED)])
     return Walls(triangles, owner), low, high
@@ -333,7 +334,7 @@ def _warn_of_spanning(built, parts, open_cases, may, low, high, found, warnings)
         warnings.append(f"object '{parts[k].name}' has faces that reach over several rooms ({names}): cut them at the portals")
 
 
-def _warn_of_inverted_shells(built: _Built, parts: list[_Part], room: np.ndarray, warnings: list[str]) -> None:
+def _warn_of_inverted_shells(built: Built, parts: list[Part], room: np.ndarray, warnings: list[str]) -> None:
     """Name the objects that enclose all else in their room and turn their fronts away from it."""
     centre, _ = _middles(built.vertices, built.corner_vertex, built.loop_start)
     vector = face_area_vectors(built.vertices, built.corner_vertex, built.loop_start)
@@ -357,7 +358,7 @@ def _warn_of_inverted_shells(built: _Built, parts: list[_Part], room: np.ndarray
             )
 
 
-def _portals(built: _Built, room: np.ndarray, openings: list[_Opening], found: Membership) -> Portals:
+def _portals(built: Built, room: np.ndarray, openings: list[Opening], found: Membership) -> Portals:
     """The portals with their rooms. Raises SceneError for one that joins no rooms."""
     if not openings:
         return no_portals()

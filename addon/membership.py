@@ -51,7 +51,7 @@ def membership(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> Membe
         raise SceneError(f"the rooms collection '{home.name}' is empty: put a collection for every room into it")
     places: dict[bpy.types.Object, list[int]] = {o: [] for o in solid}
     for number, child in enumerate(children):
-        inside = [o for o in _own_objects(child, kinds) if o in places]
+        inside = [o for o in own_objects(child, kinds) if o in places]
         if not any(_has_surface(o) for o in inside):
             raise SceneError(
                 f"the room collection '{child.name}' has no mesh that is visible in renders: add one or take the collection out"
@@ -67,12 +67,12 @@ def membership(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> Membe
     return Membership(tuple(c.name for c in children), members, openings, left_out, children)
 
 
-def _own_objects(room: bpy.types.Collection, kinds: dict[bpy.types.Collection, str]) -> Iterator[bpy.types.Object]:
+def own_objects(room: bpy.types.Collection, kinds: dict[bpy.types.Collection, str]) -> Iterator[bpy.types.Object]:
     """The objects of a room, without those of collections inside it that have a role of their own."""
     yield from room.objects
     for child in room.children:
         if child not in kinds:
-            yield from _own_objects(child, kinds)
+            yield from own_objects(child, kinds)
 
 
 def rendered_objects(view_layer: bpy.types.ViewLayer) -> list[bpy.types.Object]:

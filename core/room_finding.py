@@ -28,6 +28,10 @@ WIDEST_GAP = 1.4
 """A hole to the outside up to this width is a gap in a room, metres; through a wider one the room is a part of the outside."""
 _AHEAD = (0.75, 1.25, 1.6)
 """Where the air in front of a surface is looked for, in cells: not so far that it could be the air behind a wall."""
+SEEN_IN = 0.25
+"""An object that has so many m2 in a room is in that room, however large it is elsewhere."""
+_NEAR = 6
+"""Cells around a point in which :meth:`FoundRooms.near` looks."""
 _SAMPLES = 4.0
 """Distance of the places of a surface at which that is done, in cells."""
 
@@ -54,7 +58,7 @@ class FoundRooms:
     volume : (R,) m3 of free space;  inside : (R, 3) a place far from all walls;  low, high : (R, 3) boxes of the free space
     portal_rooms : (K, 2) int64, the rooms behind and in front of every portal, as ``front``
     gaps : holes to the outside that no portal closes;  lid : the top of the building was taken as closed, for no room has a ceiling
-    cell : metres, edge of a cell; what is narrower than this is not seen
+    grid, room_of_cell : the cells, and (N,) the room of each as ``front``
     """
 
     front: np.ndarray
@@ -67,10 +71,27 @@ class FoundRooms:
     portal_rooms: np.ndarray
     gaps: tuple[Gap, ...]
     lid: bool
-    cell: float
+    grid: Grid
+    room_of_cell: np.ndarray
+
+    @property
+    def cell(self) -> float:
+        """Edge of a cell, metres; what is narrower is not seen."""
+        return self.grid.size
 
     def __len__(self) -> int:
         return len(self.volume)
+
+    def near(self, point: np.ndarray) -> np.ndarray:
+        """(n,) int64 the room of the cell of a room nearest to each point (n, 3) within ``_NEAR`` cells, OUTSIDE where there is none."""
+        around = np.stack(np.meshgrid(*3 * [np.arange(-_NEAR, _NEAR + 1)], indexing="ij"), axis=-1).reshape(-1, 3)
+        around = around[np.argsort((around**2).sum(axis=1), kind="stable")]
+        out = np.full(len(point), OUTSIDE, np.int64)
+        for k, place in enumerate(point):
+            room = self.room_of_cell[self.grid.cell(place + self.grid.size * around)]
+            if (room >= 0).any():
+                out[k] = room[(room >= 0).argmax()]
+        return out
 
 
 def find_rooms(
@@ -123,7 +144,8 @@ def find_rooms(
         portal_rooms=rank[ahead],
         gaps=tuple(Gap(int(rank[g.room]), g.place, g.inside, g.width) for g in sorted(gaps, key=lambda g: (rank[g.room], -g.width))),
         lid=bool(lid and space.count),
-        cell=grid.size,
+        grid=grid,
+        room_of_cell=rank.astype(np.int32)[np.where(space.room < 0, space.count + 1, space.room)],
     )
 
 
@@ -131,6 +153,17 @@ def _best(votes: np.ndarray) -> np.ndarray:
     """The column with most votes; hollows, the last one, only where nothing else has any."""
     known = votes[:, :-1]
     return np.where(known.max(axis=1, initial=0) > 0, known.argmax(axis=1), votes.shape[1] - 1)
+
+
+def rooms_of_objects(spread: np.ndarray) -> np.ndarray:
+    """(n, R) bool: the rooms that objects belong to, whose surfaces look into the rooms with ``spread`` (n, R) m2.
+
+    The one that most of it looks into; and any other with a quarter of it, or with ``SEEN_IN`` m2. None where all is zero.
+    """
+    total = spread.sum(axis=1, keepdims=True)
+    main = spread == spread.max(axis=1, keepdims=True, initial=0)
+    main &= np.cumsum(main, axis=1) == 1
+    return (main | (spread >= 0.25 * total) | (spread >= SEEN_IN)) & (spread > 0)
 
 
 @dataclass(frozen=True)

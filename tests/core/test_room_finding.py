@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from enfilade.core.room_finding import HOLLOW, find_rooms
+from enfilade.core.room_finding import HOLLOW, find_rooms, rooms_of_objects
 from enfilade.core.scene import OUTSIDE
 from enfilade.core.scene_files import load_scene
 from scenery import box, rectangle, rotation
@@ -147,6 +147,18 @@ def test_one_floor_under_two_rooms_is_shared():
     found = find([*rest, rectangle((0, 0, 0), (7.2, 0, 0), (0, 4, 0))], [PORTAL])
     assert found.spread[-1] == pytest.approx([16, 12], rel=0.2)
     assert found.front[-1] == 0
+
+
+def test_rooms_of_objects():
+    spread = np.array([[3.0, 0.2, 0], [100, 1, 0.1], [0.02, 0.02, 0], [0, 0, 0], [0.1, 0.01, 0.04]])
+    assert rooms_of_objects(spread).astype(int).tolist() == [[1, 0, 0], [1, 1, 0], [1, 1, 0], [0, 0, 0], [1, 0, 1]]
+    assert rooms_of_objects(np.zeros((2, 0))).shape == (2, 0)
+
+
+def test_the_room_near_a_place():
+    found = find(two_rooms()[0], [PORTAL])
+    places = np.array([[2, 2, 1.5], [3.9, 0.02, 0.02], [7.3, 2, 1], [-3, 0, 0]])
+    assert found.near(places).tolist() == [0, 0, 1, OUTSIDE]
 
 
 def test_a_model_of_a_house_is_as_good_as_a_house():
