@@ -1,4 +1,4 @@
-"""Direct light on the elements: the first shot of every luminaire, on a mesh that follows its shadows."""
+"""Direct light on the elements: the first shot of every lamp, on a mesh that follows its shadows."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ import numpy as np
 
 from . import basis
 from .building import Building
-from .direct import Luminaires, direct_light
+from .direct import direct_light
 from .elements import Forest
+from .light_kinds import Kind
 from .parallel import Crew
 
 UNSEEN = 0.05
@@ -20,7 +21,7 @@ UNFORESEEN = 0.25
 
 
 def illuminate(
-    building: Building, forest: Forest, luminaires: Luminaires, tolerance: float, min_size: float, crew: Crew
+    building: Building, forest: Forest, kinds: tuple[Kind, ...], tolerance: float, min_size: float, crew: Crew
 ) -> Iterator[float | tuple[np.ndarray, np.ndarray, int]]:
     """Direct irradiance on every element; elements are split where it is not smooth.
 
@@ -37,7 +38,7 @@ def illuminate(
         region = np.repeat(forest.region[fresh], forest.node_count)
         light, doubt, veil = np.zeros((len(nodes), 3), np.float32), np.zeros(len(nodes), np.float32), np.full(len(nodes), -1)
         done = 0
-        for part in direct_light(building, luminaires, nodes, region, crew):
+        for part in direct_light(building, kinds, nodes, region, crew):
             light[part.index], doubt[part.index], veil[part.index] = part.irradiance, part.doubt, part.veil
             tests += part.tests
             done += len(part.index)

@@ -71,6 +71,11 @@ class Blockers:
         arrays = (self.normal, self.dual_x, self.dual_y, self.offset, self.triangle, self.corners, self.region, self.id)
         return Blockers(*(x[index] for x in arrays), self.clearance)
 
+    def joined(self, other: Blockers) -> Blockers:
+        """These blockers and then the others."""
+        names = ("normal", "dual_x", "dual_y", "offset", "triangle", "corners", "region", "id")
+        return Blockers(*(np.concatenate([getattr(self, n), getattr(other, n)]) for n in names), self.clearance)
+
 
 def blockers_of(regions: Regions) -> Blockers:
     """Every piece of every region as a blocker."""
@@ -278,7 +283,8 @@ def near_axis(
     along *= slope[pair]
     along += ra[pair]
     along += index.reach[blocker]
-    return np.flatnonzero(np.sqrt(np.maximum(height2, 0)) * shrink[pair] <= along)
+    shrink = shrink[pair]
+    return np.flatnonzero((np.sqrt(np.maximum(height2, 0)) * shrink <= along) | (shrink == 0))
 
 
 @dataclass(frozen=True)

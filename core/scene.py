@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .lamps import Lamps
+
 OUTSIDE = -1
 """Room index of the outside of the building, as one of the two rooms of a portal."""
 
@@ -74,6 +76,7 @@ class Scene:
     object : (P,) int32, index into ``object_names``: polygons of different objects are never merged
     portals : Portals
     points : EvaluationPoints or None
+    lamps : what shines on the scene beside its emitting polygons
     """
 
     name: str
@@ -89,6 +92,7 @@ class Scene:
     object_names: tuple[str, ...]
     portals: Portals = field(default_factory=no_portals)
     points: EvaluationPoints | None = None
+    lamps: Lamps = field(default_factory=Lamps)
 
     @property
     def polygon_count(self) -> int:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .lamp_checks import checked_lamps, shines
 from .polygons import area_vectors, loop_polygon
 from .portal_sides import reversed_portals
 from .scene import OUTSIDE, Portals, Scene, SceneError
@@ -76,10 +77,12 @@ def check(scene: Scene) -> tuple[Scene, tuple[Finding, ...]]:
     if len(empty):
         names = _listed([repr(scene.room_names[r] or f"room {r}") for r in empty])
         findings.append(Finding("empty_room", f"{_count(len(empty), 'room has', 'rooms have')} no polygons: {names}", rooms=_ids(empty)))
-    if not (emission[area > MIN_AREA] > 0).any():
+    lamps, said = checked_lamps(scene.lamps, scene.room_count)
+    findings += [Finding("lamp", sentence) for sentence in said]
+    if not (emission[area > MIN_AREA] > 0).any() and not shines(lamps):
         findings.append(Finding("no_light", "nothing in the scene emits light, so the result is black"))
     portals = _turn_portals(scene, _mend_portals(scene.portals, findings), findings)
-    return replace(scene, reflectance=reflectance, emission=emission, portals=portals), tuple(findings)
+    return replace(scene, reflectance=reflectance, emission=emission, portals=portals, lamps=lamps), tuple(findings)
 
 
 # ------------------------------------------------------------------------------------------------------ refusals

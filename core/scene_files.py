@@ -19,7 +19,7 @@ four corners or with holes put ``corner_vertex``, ``loop_start`` and ``polygon_s
 place of ``polys``, so that a reader of the plain form stops instead of showing a wrong scene; portals other than
 four-sided ones put ``portal_vertices`` and ``portal_start`` in the place of ``portals``; ``portal_depth`` (K,) holds how
 far bent openings lie from the planes of their polygons, metres; ``object``, ``object_names``, ``room_names`` and
-``portal_names`` hold what the names say. Numbers are written as float32 where
+``portal_names`` hold what the names say; lamps, sun and sky have the keys of :mod:`lamp_files`. Numbers are written as float32 where
 that loses nothing and as float64 otherwise, so a saved scene loads back equal.
 """
 
@@ -35,6 +35,7 @@ from typing import Any
 
 import numpy as np
 
+from .lamp_files import lamp_arrays, read_lamps
 from .scene import EvaluationPoints, Portals, Scene, SceneError
 
 PROBE_TOLERANCE = 1e-3
@@ -145,6 +146,7 @@ def _load_npz(path: Path) -> Scene:
         object_names=object_names,
         portals=Portals(portal_vertices, np.asarray(portal_start, np.int64), portal_rooms, portal_names, portal_depth),
         points=points,
+        lamps=read_lamps(reader, str(path)),
     )
 
 
@@ -237,7 +239,7 @@ def _npz_arrays(scene: Scene) -> dict[str, np.ndarray]:
         arrays["pts"] = _compact(scene.points.position)
         arrays["pts_n"] = _compact(scene.points.normal)
         arrays["pts_poly"] = scene.points.polygon.astype(np.int32)
-    return arrays
+    return arrays | lamp_arrays(scene.lamps, _compact)
 
 
 def _compact(values: np.ndarray) -> np.ndarray:

@@ -8,39 +8,43 @@ sharp.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from .grouping import ragged
 from .occlusion import Blockers
 from .polygons import clip_half
-from .transport import edge_sum
 from .vectors import cross, following
 
 _ROWS = 1 << 14
 
 
-def visible_form_factors(
+def visible_light(
     points: np.ndarray,
     normals: np.ndarray,
-    outline_pair: np.ndarray,
-    outlines: np.ndarray,
+    owner: np.ndarray,
+    corners: np.ndarray,
     blockers: Blockers,
     pair: np.ndarray,
     blocker: np.ndarray,
+    light: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    depth: float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Form factor (n,) float64 from points to what they see of polygons: irradiance over exitance.
+    """Light (n, c) float64 from what points see of polygons.
 
     Also (n,) int64 the ``id`` of a blocker that hides all of the polygon by itself, -1 where none does.
 
     points, normals : (n, 3), one point and one polygon make a pair
-    outline_pair : (m,) sorted, outlines : (m, k, 3) float64, the convex pieces of the polygon of each pair
+    owner : (m,) sorted, corners : (m, k, 3) float64, the convex pieces of the polygon of each pair, relative to its point
     pair, blocker : (r,) rows, ``pair`` sorted, the blockers that may stand between
+    light : (owner (m,), parts (m, k, 3) of the polygons, before the planes of their points) to the light (m, c) of these
+    depth : 1 when blockers hide what lies beyond their planes, 0 when all that lies in their directions, as of the sky
     """
     count = len(points)
     normals = normals.astype(np.float64)
-    owner, corners = outline_pair, outlines - points[outline_pair].astype(np.float64)[:, None]
     corners = clip_half(corners, np.einsum("nkd,nd->nk", corners, normals[owner]))
-    meets, covers = _reach(points, owner, corners, blockers, pair, blocker)
+    meets, covers = _reach(points, owner, corners, blockers, pair, blocker, depth)
     veil = np.full(count, -1)
     veil[pair[covers][::-1]] = blockers.id[blocker[covers][::-1]]
     dark = veil >= 0
@@ -53,19 +57,22 @@ def visible_form_factors(
     pair, blocker = pair[order], blocker[order]
     start = np.searchsorted(pair, np.arange(count + 1))
     degree = np.diff(start)
-    out = np.zeros(count)
+    out = np.zeros((count, light(np.zeros(0, np.int64), np.zeros((0, 3, 3))).shape[1]))
     for turn in range(int(degree.max(initial=0)) + 1):
         done = degree[owner] <= turn
-        out += np.bincount(owner[done], edge_sum(corners[done], normals[owner[done]]), minlength=count)
+        if done.any():
+            found = light(owner[done], corners[done])
+            for k in range(out.shape[1]):
+                out[:, k] += np.bincount(owner[done], found[:, k], minlength=count)
         owner, corners = owner[~done], corners[~done]
         if not len(owner):
             break
-        planes = _cones(blockers, blocker[start[owner] + turn], points[owner].astype(np.float64))
+        planes = _cones(blockers, blocker[start[owner] + turn], points[owner].astype(np.float64), depth)
         owner, corners = _subtract(owner, corners, planes)
     return out, veil
 
 
-def _reach(points, owner, corners, blockers, pair, blocker) -> tuple[np.ndarray, np.ndarray]:
+def _reach(points, owner, corners, blockers, pair, blocker, depth) -> tuple[np.ndarray, np.ndarray]:
     """(r,) bool: the cone of the row's blocker may meet the polygon of the row's pair; and surely holds all of it.
 
     Most meet nothing, so this is done in float32 with rows running fastest; what rounding leaves open is left to the exact cut.
@@ -78,14 +85,14 @@ def _reach(points, owner, corners, blockers, pair, blocker) -> tuple[np.ndarray,
         here = slice(begin, begin + _ROWS)
         p = pair[here]
         members, row = ragged(first[p], np.diff(first)[p])
-        touched, held = _cone_test(plates[:, :, blocker[here]] - points[p].T, polygon, members, row, blockers.clearance)
+        touched, held = _cone_test(plates[:, :, blocker[here]] - points[p].T, polygon, members, row, blockers.clearance, depth)
         meets[here] = np.bincount(row[touched], minlength=len(p)) > 0
         covers[here] = np.bincount(row[held], minlength=len(p)) == np.diff(first)[p]
     return meets, covers
 
 
 def _cone_test(
-    plate: np.ndarray, polygon: np.ndarray, members: np.ndarray, row: np.ndarray, clearance: float
+    plate: np.ndarray, polygon: np.ndarray, members: np.ndarray, row: np.ndarray, clearance: float, depth: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """(m,) bool each: convex pieces ``polygon[:, :, members]`` may meet, surely lie in, the hidden side of plates (4, 3, r).
 
@@ -101,7 +108,7 @@ def _cone_test(
     # A plate whose plane holds the point hides nothing.
     stands = (np.abs(away) > clearance * np.sqrt((face * face).sum(0)))[row]
     touched, held = stands, stands.copy()
-    for normal, offset in [*((n * turn, None) for n in side), (face * turn, np.abs(away))]:
+    for normal, offset in [*((n * turn, None) for n in side), (face * turn, depth * np.abs(away))]:
         # In float32 a product of three lengths keeps six digits of the largest.
         slack = 1e-5 * np.sqrt((normal * normal).sum(0))[row]
         normal = normal[:, row]
@@ -130,7 +137,7 @@ def _heights(corners: np.ndarray, planes: np.ndarray) -> tuple[np.ndarray, np.nd
     return height.min(1), height.max(1), 1e-9 * np.abs(corners).max((1, 2), initial=0)[:, None]
 
 
-def _cones(blockers: Blockers, k: np.ndarray, points: np.ndarray) -> np.ndarray:
+def _cones(blockers: Blockers, k: np.ndarray, points: np.ndarray, depth: float) -> np.ndarray:
     """(n, 5, 4) half-spaces (normal, offset), relative to the points (n, 3), whose common part blockers k hide from them.
 
     A blocker whose plane holds the point hides nothing: its half-spaces are empty.
@@ -147,7 +154,7 @@ def _cones(blockers: Blockers, k: np.ndarray, points: np.ndarray) -> np.ndarray:
     planes[:, 1:, :3] = side
     planes[:, 1:, 3] = length[..., 0] <= 0
     planes[:, 0, :3] = normal * np.sign(height)[:, None]
-    planes[:, 0, 3] = -np.abs(height) - blockers.clearance
+    planes[:, 0, 3] = -depth * (np.abs(height) + blockers.clearance)
     planes[np.abs(height) <= blockers.clearance, 0] = [0, 0, 0, -1]
     return planes
 

@@ -10,10 +10,11 @@ import numpy as np
 
 from . import basis
 from .building import Building
-from .direct import Luminaires, direct_light
+from .direct import direct_light
 from .elements import Forest
 from .exitance_map import ExitanceMap, exitance_map
 from .gather import gather
+from .light_kinds import Kind
 from .parallel import Crew
 from .regions import Regions
 from .scene import Scene
@@ -43,7 +44,7 @@ class Solution:
 
     ``clamped_values`` in it counts the values that :meth:`irradiance` has set to zero because they came out negative.
 
-    The direct light of the luminaires is computed anew at every point. The reflected light is gathered there by ``rays`` over
+    The direct light of all kinds of lamps is computed anew at every point. The reflected light is gathered there by ``rays`` over
     its hemisphere from the exitance of the wavelet solution, in texels of ``texel`` metres; without rays it is that of the elements.
     """
 
@@ -52,7 +53,7 @@ class Solution:
         scene: Scene,
         building: Building,
         forest: Forest,
-        luminaires: Luminaires,
+        kinds: tuple[Kind, ...],
         direct: np.ndarray,
         reflected: np.ndarray,
         rays: int,
@@ -61,7 +62,7 @@ class Solution:
         report: dict,
     ):
         self._scene, self._building, self._forest = scene, building, forest
-        self._luminaires, self._direct, self._reflected, self._crew = luminaires, direct, reflected, crew
+        self._kinds, self._direct, self._reflected, self._crew = kinds, direct, reflected, crew
         self._rays, self._texel, self._map = rays, texel, None
         self.report = report | {"clamped_values": 0}
 
@@ -106,7 +107,7 @@ class Solution:
             reflected = gather(self._building, self._exitance_map(), position, region, self._rays, self._crew)
         else:
             light, reflected = self._smooth(region, uv), ()
-        direct = direct_light(self._building, self._luminaires, position, region, self._crew)
+        direct = direct_light(self._building, self._kinds, position, region, self._crew)
         done, whole = 0, max(len(valid), 1) * (2 if self._rays else 1)
         for part in chain(direct, reflected):
             light[part.index] += part.irradiance

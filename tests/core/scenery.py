@@ -4,8 +4,12 @@ import numpy as np
 from enfilade.core import clustering, footprints, links, occlusion, refinement, regions, visibility_graph
 from enfilade.core.building import Building, doors_of, items_of
 from enfilade.core.elements import Forest
+from enfilade.core.lamps import Lamps
+from enfilade.core.light_sources import light_sources
 from enfilade.core.parallel import Crew
 from enfilade.core.scene import Portals, Scene, no_portals
+from enfilade.core.shadows import visible_light
+from enfilade.core.transport import edge_sum
 
 
 def scene_of(polygons, reflectance=0.5, emission=0.0, room=0, object=0, portals=None) -> Scene:
@@ -134,3 +138,16 @@ def region_means(forest, coefficients) -> np.ndarray:
     weight = forest.area[leaf]
     count = len(forest.regions)
     return np.bincount(forest.region[leaf], mean * weight, minlength=count) / np.bincount(forest.region[leaf], weight, minlength=count)
+
+
+def visible_form_factors(points, normals, owner, outlines, blockers, pair, blocker):
+    """(n,) form factors from points (n, 3) to what they see of polygons (m, k, 3), and (n,) veils; for the rest see ``visible_light``."""
+    light = lambda row, parts: edge_sum(parts, normals[row])[:, None]  # noqa: E731
+    corners = outlines - points[owner].astype(float)[:, None]
+    found, veil = visible_light(points, normals, owner, corners, blockers, pair, blocker, light)
+    return found[:, 0], veil
+
+
+def light_kinds(building, lamps=None, portals=None):
+    """The kinds of light of a building: its surfaces, and lamps."""
+    return light_sources(building, lamps or Lamps(), portals or no_portals())

@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from enfilade.core.direct import PATCH, direct_light, luminaires_of, patch_blocks, patches_of
+from enfilade.core.direct import direct_light
+from enfilade.core.patches import PATCH, patch_blocks, patches_of
 from enfilade.core.transport import lambert
-from scenery import box, building_of, crew, portals_of, rectangle, rotation, scene_of
+from scenery import box, building_of, crew, light_kinds, portals_of, rectangle, rotation, scene_of
 
 CASES = json.loads((Path(__file__).resolve().parents[1] / "data" / "penumbrae.json").read_text(encoding="utf-8"))["cases"]
 
@@ -25,7 +26,7 @@ def light_at(building, points, region, workers=1):
     """(n, 3) irradiance at points (n, 3) of the world, from blocks in whatever order they come."""
     out = np.full((len(points), 3), np.nan)
     local = (points - building.regions.centre).astype(np.float32)
-    for part in direct_light(building, luminaires_of(building.regions), local, region, crew(workers)):
+    for part in direct_light(building, light_kinds(building), local, region, crew(workers)):
         out[part.index] = part.irradiance
     return out
 
@@ -163,6 +164,6 @@ def test_blocks_hold_every_patch_once_and_neighbours_together():
 
 def test_no_lamps_and_no_points():
     building = building_of(scene_of(box()))
-    assert list(direct_light(building, luminaires_of(building.regions), np.zeros((5, 3), np.float32), np.zeros(5, int), crew(1))) == []
+    assert list(direct_light(building, light_kinds(building), np.zeros((5, 3), np.float32), np.zeros(5, int), crew(1))) == []
     lit = building_of(scene_of(box(), emission=1.0))
-    assert list(direct_light(lit, luminaires_of(lit.regions), np.zeros((0, 3), np.float32), np.zeros(0, int), crew(1))) == []
+    assert list(direct_light(lit, light_kinds(lit), np.zeros((0, 3), np.float32), np.zeros(0, int), crew(1))) == []

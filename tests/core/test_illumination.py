@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from enfilade.core.direct import luminaires_of
 from enfilade.core.elements import Forest
 from enfilade.core.illumination import exitance_estimate, extended, illuminate, room_irradiance
 from enfilade.core.transport import lambert
-from scenery import box, building_of, crew, portals_of, rectangle, scene_of
+from scenery import box, building_of, crew, light_kinds, portals_of, rectangle, scene_of
 
 LAMP = rectangle((1.2, 1.1, 2.4), (0, 0.5, 0), (0.8, 0, 0))
 
@@ -15,7 +14,7 @@ def lit(polygons, emission, order=2, tolerance=3e-3, min_size=0.03, workers=1, *
     """The forest and the result of illuminating a scene."""
     building = building_of(scene_of(polygons, emission=emission, **more))
     forest = Forest(building.regions, order)
-    *shares, result = illuminate(building, forest, luminaires_of(building.regions), tolerance, min_size, crew(workers))
+    *shares, result = illuminate(building, forest, light_kinds(building), tolerance, min_size, crew(workers))
     assert all(isinstance(s, float) and 0 <= s <= 1 for s in shares)
     return building, forest, result
 

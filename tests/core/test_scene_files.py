@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from enfilade.core.lamps import AreaLamps, Lamps, PointLamps, Suns
 from enfilade.core.scene import EvaluationPoints, Portals, Scene, SceneError
 from enfilade.core.scene_files import load_scene, save_scene
 
@@ -62,7 +63,7 @@ def assert_equal(a, b):
         if isinstance(value, np.ndarray):
             assert value.dtype == other.dtype, name
             np.testing.assert_array_equal(value, other, err_msg=name)
-        elif isinstance(value, Portals | EvaluationPoints):
+        elif isinstance(value, Portals | EvaluationPoints | Lamps | AreaLamps | PointLamps | Suns):
             assert_equal(value, other)
         else:
             assert value == other, name

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from enfilade.core.basis import gauss
 from enfilade.core.occlusion import flat_blockers
-from enfilade.core.shadows import visible_form_factors
 from enfilade.core.transport import lambert
-from scenery import rectangle, rotation
+from scenery import rectangle, rotation, visible_form_factors
 
 UP = np.array([0.0, 0.0, 1.0])
 LAMP = rectangle((-1, -1, 4), (0, 2, 0), (2, 0, 0))

@@ -4,13 +4,12 @@ import json
 
 import numpy as np
 import pytest
-from enfilade.core.direct import luminaires_of
 from enfilade.core.elements import Forest
 from enfilade.core.options import Options
 from enfilade.core.pipeline import solve
 from enfilade.core.solution import Light, Solution
 from enfilade.core.stage_files import load_stage, save_stage
-from scenery import box, building_of, rectangle, rotation, scene_of
+from scenery import box, building_of, light_kinds, rectangle, rotation, scene_of
 
 LAMP = rectangle((1.2, 1.1, 2.4), (0, 0.5, 0), (0.8, 0, 0))
 
@@ -155,7 +154,7 @@ class Painted:
             light[:, 1] = (at(0.5, 1) - at(0.5, 0)) / (2 * np.sqrt(3))
         direct = np.zeros_like(light)
         self.forest, self.light = forest, light
-        self.solution = Solution(self.scene, building, forest, luminaires_of(building.regions), direct, light, 0, 0.1, 1, {})
+        self.solution = Solution(self.scene, building, forest, light_kinds(building), direct, light, 0, 0.1, 1, {})
 
 
 def ramp(x):
