@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from enfilade.core import links
 from enfilade.core.elements import Forest
-from enfilade.core.links import LinkSet, closing_gain, directions, joined, received, spill
+from enfilade.core.links import LinkCollector, LinkSet, blocks, closing_gain, directions, joined, received
 from enfilade.core.transport import lambert
 from scenery import box, building_of, linked, portals_of, received_from, rectangle, region_means, rotation, scene_of, visible_form_factors
 
@@ -334,14 +335,27 @@ def test_light_over_links_is_the_sum_of_all_of_them():
     np.testing.assert_allclose(received(forest, again, exitance), 2 * found, rtol=1e-4, atol=1e-4 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("budget", [0, 3000, 10**9])
-def test_links_on_disk_are_the_same_links(tmp_path, budget):
-    sets = [some_links(k, 40, shape, two_way, 30) for k, (shape, two_way) in enumerate([((4, 4), True), ((1, 1), True), ((4, 4), False)])]
-    out = spill(sets, budget, tmp_path)
-    for a, b in zip(sets, out, strict=True):
-        assert a.shape == b.shape
-        for name in ("a", "b", "exchange"):
-            np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
-    held = sum(g.exchange.nbytes for g in out if not isinstance(g.exchange, np.memmap))
-    assert held <= budget
-    assert len(list(tmp_path.iterdir())) == {0: 3, 3000: 1, 10**9: 0}[budget]
+def test_a_collector_gives_back_what_it_took_in_its_order(monkeypatch):
+    monkeypatch.setattr(links, "_CHUNKS", (8, 16))
+    shapes = [((4, 4), True), ((1, 1), True), ((4, 4), False), ((4, 4), True)]
+    sets = [some_links(k, 40 - k, shape, two_way, 30) for k, (shape, two_way) in enumerate(shapes)]
+    for allocate in (None, np.zeros):
+        collector = LinkCollector(allocate)
+        for one in sets:
+            collector.add([one])
+        found, expected = joined(collector.links()), joined(sets)
+        assert len(found) == 3
+        for a, b in zip(found, expected, strict=True):
+            assert a.shape == b.shape
+            for name in ("a", "b", "exchange"):
+                np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+        assert collector.links() == []
+
+
+def test_blocks_of_links_end_at_the_same_places_however_they_stand_in_sets(monkeypatch):
+    monkeypatch.setattr(links, "BLOCK", 7)
+    sets = [some_links(k, n, (1, 4), True, 30) for k, n in enumerate([3, 20, 1, 8])]
+    parts = list(blocks(sets))
+    assert [len(p) for p in parts] == [7, 7, 7, 7, 4]
+    for a, b in zip(parts, blocks(joined(sets)), strict=True):
+        np.testing.assert_array_equal(a.exchange, b.exchange)
