@@ -15,8 +15,9 @@ from typing import TextIO
 import bpy
 
 from ..core.arguments import Parser, add_options, options_from
+from ..core.command_outputs import OutputError, check_outputs, run_command
 from ..core.console import ProgressLine, summary
-from ..core.options import BakeOptions, OptionError, Options
+from ..core.options import BakeOptions, Options
 from ..core.scene import SceneError
 from . import job, picture
 from .properties import write_options
@@ -30,10 +31,6 @@ The collections Rooms and Portals of the file are taken, or those that --rooms a
 given are those saved in the file. FILE.blend itself is only changed when --out names it."""
 
 
-class OutputError(ValueError):
-    """A file that cannot be read or written; the message is one sentence that names it and the remedy."""
-
-
 def bake_main(argv: Sequence[str], out: TextIO | None = None, err: TextIO | None = None) -> int:
     """Bake with these arguments and return the exit code: 0, 2 after one sentence of what is wrong, 130 when interrupted.
 
@@ -42,20 +39,13 @@ def bake_main(argv: Sequence[str], out: TextIO | None = None, err: TextIO | None
     """
     out, err = out or sys.stdout, err or sys.stderr
     line = ProgressLine(err)
-    try:
+
+    def work() -> int:
         given = _parser().parse_args(list(argv))
         _check_files(given)
         return _bake(given, line, out, err)
-    except SystemExit as leave:  # --help
-        return int(leave.code or 0)
-    except KeyboardInterrupt:
-        line.close()
-        err.write("enfilade: interrupted, nothing was written\n")
-        return 130
-    except (SceneError, OptionError, OutputError, OSError, MemoryError) as error:
-        line.close()
-        err.write(f"enfilade: {_sentence(error)}\n")
-        return 2
+
+    return run_command(work, line, err)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -80,21 +70,7 @@ def _check_files(given: argparse.Namespace) -> None:
         raise OutputError(f"{source}: this is not a .blend file")
     if given.out is None and given.picture is None:
         raise OutputError("nothing would be written: give --out BAKED.blend, --picture OUT.png or both")
-    seen: dict[Path, str] = {}
-    for path, what, suffix in ((given.out, "--out", ".blend"), (given.picture, "--picture", ".png"), (given.report, "--report", "")):
-        if path is None:
-            continue
-        if suffix and path.suffix.lower() != suffix:
-            raise OutputError(f"{path}: {what} must name a {suffix} file")
-        if path.is_dir():
-            raise OutputError(f"{path}: {what} names a folder, add a file name")
-        if path.resolve() in seen:
-            raise OutputError(f"{path}: {what} names the same file as {seen[path.resolve()]}, give it a name of its own")
-        seen[path.resolve()] = what
-        if not path.parent.is_dir():
-            raise OutputError(f"{path}: the folder of {what} does not exist, create it first")
-        if not os.access(path.parent, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
-            raise OutputError(f"{path}: {what} cannot be written, choose another name or folder")
+    check_outputs([(given.out, "--out", ".blend"), (given.picture, "--picture", ".png"), (given.report, "--report", "")])
 
 
 def _bake(given: argparse.Namespace, line: ProgressLine, out: TextIO, err: TextIO) -> int:
@@ -193,14 +169,6 @@ class _quiet:
     def __exit__(self, *_: object) -> None:
         os.dup2(self._kept, 1)
         os.close(self._kept)
-
-
-def _sentence(error: BaseException) -> str:
-    if isinstance(error, MemoryError):
-        return "the machine has not enough memory for this scene: take a lower --quality or a --memory budget"
-    if isinstance(error, OSError) and error.filename:
-        return f"{error.filename}: {error.strerror}"
-    return str(error)
 
 
 _handle = None

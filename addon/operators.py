@@ -5,16 +5,13 @@ from __future__ import annotations
 
 import bpy
 
-from ..core.options import OptionError
 from ..core.scene import SceneError
 from . import job, last_light, viewport
 from .clear import clear, has_bake
+from .guards import REFUSALS, capital, in_object_mode, sentence
 from .membership import membership
 from .preview import Previews, PreviewWindow
 from .worker import Worker
-
-REFUSALS = (SceneError, OptionError, MemoryError, OSError)
-"""What is wrong with the input or the machine, said in one sentence; everything else is a defect and keeps its traceback."""
 
 POLL_SECONDS = 0.1
 """How often the window looks after the solver."""
@@ -25,6 +22,14 @@ _running: ENFILADE_OT_bake | None = None
 def progress() -> job.Step | None:
     """The state of the bake that runs in this window, None when there is none."""
     return _running.step if _running is not None else None
+
+
+def _idle(operator: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
+    """True in object mode while no bake runs; otherwise the operator's poll message says why not."""
+    if _running is not None:
+        operator.poll_message_set("A bake is running")
+        return False
+    return in_object_mode(operator, context)
 
 
 class ENFILADE_OT_bake(bpy.types.Operator):
@@ -49,13 +54,7 @@ class ENFILADE_OT_bake(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if _running is not None:
-            cls.poll_message_set("A bake is running")
-            return False
-        if context.mode != "OBJECT":
-            cls.poll_message_set("Switch to object mode first")
-            return False
-        return True
+        return _idle(cls, context)
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
@@ -155,7 +154,7 @@ class ENFILADE_OT_bake(bpy.types.Operator):
     def _write(self, context: bpy.types.Context, reading: job.Reading, baked: job.Baked) -> None:
         written = job.write(context, reading, baked)
         for warning in written.warnings:
-            self.report({"WARNING"}, _capital(warning))
+            self.report({"WARNING"}, capital(warning))
         line = job.summary_line(reading, baked, written)
         bpy.data.scenes[reading.scene_name].enfilade.summary = line
         if self.show and not bpy.app.background:
@@ -191,11 +190,7 @@ class ENFILADE_OT_clear(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if _running is not None:
-            cls.poll_message_set("A bake is running")
-            return False
-        if context.mode != "OBJECT":
-            cls.poll_message_set("Switch to object mode first")
+        if not _idle(cls, context):
             return False
         if not has_bake(context.scene):
             cls.poll_message_set("There is no bake in this scene")
@@ -204,7 +199,7 @@ class ENFILADE_OT_clear(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         for kept in clear(context.scene):
-            self.report({"WARNING"}, _capital(kept))
+            self.report({"WARNING"}, capital(kept))
         if viewport.shown(context.window_manager):
             viewport.restore(context)
         last_light.keep(context.scene, None)
@@ -253,17 +248,6 @@ def _redraw(context: bpy.types.Context) -> None:
             for region in area.regions:
                 if region.type == kind:
                     region.tag_redraw()
-
-
-def sentence(error: BaseException) -> str:
-    """What was refused, for people."""
-    if isinstance(error, MemoryError):
-        return "There is not enough memory for this bake: take a lower quality or a smaller part of the building"
-    return _capital(str(error))
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 _CLASSES = (ENFILADE_OT_bake, ENFILADE_OT_cancel, ENFILADE_OT_clear, ENFILADE_OT_show_bake)

@@ -8,9 +8,9 @@ import numpy as np
 from bpy_extras import view3d_utils
 
 from . import last_light, overlay
+from .guards import REFUSALS, in_object_mode, sentence
 from .inspection import Inspection, cluster_of_object, cluster_under, groups_of, inspect, leaks_of, sight_of
 from .light_layers import elements_content, error_content, lux_content
-from .operators import REFUSALS, sentence
 from .overlay_layers import MOST_NAMED, Content, clusters_content, groups_content, leaks_content, sight_content
 
 
@@ -64,10 +64,7 @@ class _Shows:
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if context.mode != "OBJECT":
-            cls.poll_message_set("Switch to object mode first")
-            return False
-        return True
+        return in_object_mode(cls, context)
 
     def read(self, context: bpy.types.Context) -> Inspection | None:
         """The clusters of the scene, or None after an error was reported."""

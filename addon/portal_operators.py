@@ -6,6 +6,7 @@ from __future__ import annotations
 import bmesh
 import bpy
 
+from .guards import in_object_mode
 from .openings import add_portal, fitted, loops_of_faces, middle_of_box
 from .roles import portal_objects
 
@@ -64,8 +65,7 @@ class ENFILADE_OT_portal_from_objects(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if context.mode != "OBJECT":
-            cls.poll_message_set("Switch to object mode first")
+        if not in_object_mode(cls, context):
             return False
         if not any(o.type == "MESH" for o in context.selected_objects):
             cls.poll_message_set("Select doors or windows first")

@@ -7,7 +7,6 @@ import argparse
 import json
 import os
 import sys
-import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,9 +15,10 @@ from typing import Any, TextIO
 import numpy as np
 
 from .arguments import Parser, add_options, options_from
+from .command_outputs import OutputError, check_outputs, run_command
 from .console import ProgressLine, summary
-from .options import OptionError, Options
-from .scene import Scene, SceneError
+from .options import Options
+from .scene import Scene
 
 DESCRIPTION = """\
 Solve the light of a scene file.
@@ -28,10 +28,6 @@ points without what a surface emits itself; B (P, 3), the mean exitance of every
 wall time from the loaded scene to all values. REPORT.json receives the figures of the run."""
 
 
-class OutputError(ValueError):
-    """A file that cannot be written; the message is one sentence that names it and the remedy."""
-
-
 def solve_main(argv: Sequence[str], out: TextIO | None = None, err: TextIO | None = None) -> int:
     """Run ``solve`` with its arguments and return the exit code: 0, 2 after one sentence of what is wrong, 130 when interrupted.
 
@@ -39,26 +35,20 @@ def solve_main(argv: Sequence[str], out: TextIO | None = None, err: TextIO | Non
     """
     out, err = out or sys.stdout, err or sys.stderr
     line = ProgressLine(err)
-    try:
-        given = _parser().parse_args(argv)
-        options = options_from(given, Options)
-        _check_outputs(given.scene, given.out, given.report, options.store)
-        scene, seconds = _load(given.scene, err)
-        result, report = _solve(scene, options, line, seconds)
-        line.close()
-        _write(given.out, result, given.report, report)
-    except SystemExit as leave:  # --help
-        return int(leave.code or 0)
-    except KeyboardInterrupt:
-        line.close()
-        err.write("enfilade: interrupted, nothing was written\n")
-        return 130
-    except (SceneError, OptionError, OutputError, OSError, MemoryError) as error:
-        line.close()
-        err.write(f"enfilade: {_sentence(error)}\n")
-        return 2
-    written = [given.out] + ([given.report] if given.report else [])
-    out.write("\n".join([*summary(report), *(f"written: {path}" for path in written)]) + "\n")
+    return run_command(lambda: _run(argv, line, out, err), line, err)
+
+
+def _run(argv: Sequence[str], line: ProgressLine, out: TextIO, err: TextIO) -> int:
+    given = _parser().parse_args(argv)
+    options = options_from(given, Options)
+    check_outputs([(given.out, "--out", ""), (given.report, "--report", "")], given.scene)
+    if options.store and Path(options.store).exists() and not Path(options.store).is_dir():
+        raise OutputError(f"{options.store}: --store names a file, give it a folder")
+    scene, seconds = _load(given.scene, err)
+    result, report = _solve(scene, options, line, seconds)
+    line.close()
+    _write(given.out, result, given.report, report)
+    out.write("\n".join([*summary(report), *(f"written: {path}" for path in (given.out, given.report) if path)]) + "\n")
     return 0
 
 
@@ -109,30 +99,6 @@ def _irradiance(scene: Scene, solution: Any) -> np.ndarray:
     return np.asarray(solution.irradiance(scene.points.position, scene.points.polygon), np.float32)
 
 
-def _check_outputs(scene: Path, result: Path, report: Path | None, store: str) -> None:
-    """Raise :class:`OutputError` before any work is done when an output cannot be written or would replace another file of the run."""
-    seen = {scene.resolve(): "the scene"}
-    for path, what in ((result, "--out"), (report, "--report")):
-        if path is None:
-            continue
-        if path.resolve() in seen:
-            raise OutputError(f"{path}: {what} names the same file as {seen[path.resolve()]}, give it a name of its own")
-        seen[path.resolve()] = what
-        if path.is_dir():
-            raise OutputError(f"{path}: {what} names a folder, add a file name")
-        if not path.parent.is_dir():
-            raise OutputError(f"{path}: the folder of {what} does not exist, create it first")
-        if path.exists() and not os.access(path, os.W_OK):
-            raise OutputError(f"{path}: {what} is write-protected, choose another name")
-        try:
-            with tempfile.TemporaryFile(dir=path.parent):
-                pass
-        except OSError as error:
-            raise OutputError(f"{path}: {what} cannot be written ({error.strerror}), choose another folder") from error
-    if store and Path(store).exists() and not Path(store).is_dir():
-        raise OutputError(f"{store}: --store names a file, give it a folder")
-
-
 def _write(result: Path, arrays: dict[str, np.ndarray], report: Path | None, figures: dict[str, Any]) -> None:
     """Write both files beside their places, then move both: a failure leaves what was there before."""
     parts: list[tuple[Path, Path]] = []
@@ -165,11 +131,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(entry) for entry in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value
-
-
-def _sentence(error: BaseException) -> str:
-    if isinstance(error, MemoryError):
-        return "the machine has not enough memory for this scene; a coarser --quality or a --memory budget needs less"
-    if isinstance(error, OSError) and error.filename:
-        return f"{error.filename}: {error.strerror}"
-    return str(error)
