@@ -16,7 +16,7 @@ from .box_tree import BoxTree
 from .burial import buried
 from .grouping import starts_of
 from .occlusion import Blockers
-from .plane_cuts import cut_along
+from .plane_cuts import alike, cut_along
 from .polygons import areas_and_centroids
 from .regions import Regions
 
@@ -40,8 +40,7 @@ def uncover(regions: Regions, blockers: Blockers) -> Regions:
     changed = np.unique(owner[gone])
     stays = np.isin(owner, changed) & ~gone
     same = ~np.isin(original, changed)
-    slots = max(regions.cover.shape[1], pieces.shape[1])
-    cover = np.concatenate([_padded(regions.cover[same], slots), _padded(pieces[stays], slots)])
+    cover = np.concatenate(alike(regions.cover[same], pieces[stays]))
     whose = np.concatenate([original[same], owner[stays]])
     order = np.argsort(whose, kind="stable")
     area, full = regions.area.copy(), regions.full.copy()
@@ -125,8 +124,3 @@ def _within(regions: Regions, region: np.ndarray, first: np.ndarray, second: np.
     low, high = np.minimum(s, t), np.maximum(s, t)
     inside = ((high > contact) & (low < regions.size[region] - contact)).all(1)
     return region[inside], s[inside], t[inside]
-
-
-def _padded(pieces: np.ndarray, slots: int) -> np.ndarray:
-    """Pieces (n, k, 2) with ``slots`` corners, the last repeated."""
-    return np.concatenate([pieces, np.repeat(pieces[:, -1:], slots - pieces.shape[1], 1)], axis=1)

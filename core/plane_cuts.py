@@ -42,7 +42,7 @@ def cut_along(
         first = np.flatnonzero(np.r_[True, piece[1:] != piece[:-1]])
         cut = piece[first]
         upper, lower = clip_half(pieces[cut], height[first]), clip_half(pieces[cut], -height[first])
-        pieces, upper, lower = _alike(pieces, upper, lower)
+        pieces, upper, lower = alike(pieces, upper, lower)
         pieces[cut] = upper
         place = np.full(len(pieces), -1)
         place[cut] = len(pieces) + np.arange(len(cut))
@@ -62,6 +62,22 @@ def holds(pieces: np.ndarray, points: np.ndarray, slack: float) -> np.ndarray:
     side = _cross(edge[:, :, None], offset)
     length = np.linalg.norm(edge, axis=2)
     return ((side > slack * length[..., None]) | (length[..., None] < 1e-9)).all(1)
+
+
+def alike(*stacks: np.ndarray) -> list[np.ndarray]:
+    """Stacks of pieces with one number of corner slots, as few as all have different corners."""
+    kept = []
+    for pieces in stacks:
+        new = np.ones(pieces.shape[:2], bool)
+        new[:, 1:] = (np.abs(np.diff(pieces, axis=1)) > 1e-12).any(2)
+        kept.append((pieces, new))
+    slots = max(4, *(int(new.sum(1).max(initial=0)) for _, new in kept))
+    out = []
+    for pieces, new in kept:
+        order = np.argsort(~new, axis=1, kind="stable")
+        place = np.minimum(np.arange(slots), new.sum(1)[:, None] - 1)
+        out.append(np.take_along_axis(pieces, np.take_along_axis(order, place, 1)[..., None], 1))
+    return out
 
 
 def _heights(pieces: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
@@ -91,19 +107,3 @@ def _runs_through(pieces: np.ndarray, s: np.ndarray, t: np.ndarray, slack: float
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-
-
-def _alike(*stacks: np.ndarray) -> list[np.ndarray]:
-    """Stacks of pieces with one number of corner slots, as few as all have different corners."""
-    kept = []
-    for pieces in stacks:
-        new = np.ones(pieces.shape[:2], bool)
-        new[:, 1:] = (np.abs(np.diff(pieces, axis=1)) > 1e-12).any(2)
-        kept.append((pieces, new))
-    slots = max(4, *(int(new.sum(1).max(initial=0)) for _, new in kept))
-    out = []
-    for pieces, new in kept:
-        order = np.argsort(~new, axis=1, kind="stable")
-        place = np.minimum(np.arange(slots), new.sum(1)[:, None] - 1)
-        out.append(np.take_along_axis(pieces, np.take_along_axis(order, place, 1)[..., None], 1))
-    return out

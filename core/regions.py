@@ -12,7 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import polygons
+from .box_tree import BoxTree
 from .grouping import components, ragged, starts_of
+from .plane_cuts import alike, cut_along, holds
+from .polygons import areas_and_centroids
 from .scene import Scene
 
 WELD = 1e-5
@@ -20,7 +23,6 @@ WELD = 1e-5
 PLANE_TOLERANCE = 1e-4
 """Largest distance (m) of a polygon from the plane of the region that it joins."""
 _DIRECTIONS = 8
-_GRID = 33
 
 
 @dataclass(frozen=True)
@@ -86,14 +88,15 @@ def merge(scene: Scene) -> Regions:
     centre = 0.5 * (scene.vertices.min(0) + scene.vertices.max(0))
     pieces = polygons.decompose(scene)
     vectors = polygons.area_vectors(scene)
-    polygon_region = _coplanar_components(scene, pieces, vectors)
+    original = _originals(scene, vectors)
+    polygon_region = _coplanar_components(scene, pieces, vectors, original)
     region = polygon_region[pieces.polygon]
     count = int(polygon_region.max(initial=-1)) + 1
     order = np.argsort(region, kind="stable")
     region = region[order]
     corners, corner_piece = _corners(pieces.origin[order] - centre, pieces.a[order], pieces.b[order], pieces.triangle[order])
     normal = np.zeros((count, 3))
-    used = np.flatnonzero(polygon_region >= 0)
+    used = np.flatnonzero((polygon_region >= 0) & (original == np.arange(len(original))))
     np.add.at(normal, polygon_region[used], vectors[used])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     u = _frame_direction(region, pieces.a[order], pieces.b[order], pieces.triangle[order], normal, corners, corner_piece)
@@ -108,39 +111,71 @@ def merge(scene: Scene) -> Regions:
     to_uv = lambda x: np.stack([np.einsum("ij,ij->i", x, u[region]), np.einsum("ij,ij->i", x, v[region])], axis=1)  # noqa: E731
     piece = (to_uv(pieces.origin[order] - centre) - low[region], to_uv(pieces.a[order]), to_uv(pieces.b[order]), pieces.triangle[order])
     region, piece = _once(region, piece)
-    area = np.bincount(region, np.abs(_cross(piece[1], piece[2])) * np.where(piece[3], 0.5, 1.0), minlength=count)
     size = np.maximum(high - low, 1e-9)
+    cover_region, cover, split = _apart(region, _outlines(*piece))
+    flat_area, moment = areas_and_centroids(cover)
+    area = np.minimum(np.bincount(cover_region, flat_area, minlength=count), size.prod(1))
     full = area >= (1 - 1e-6) * size.prod(1)
-    # More area than the rectangle has: polygons lie upon each other, and may still leave a hole.
-    over = np.flatnonzero(area > (1 + 1e-6) * size.prod(1))
-    full[over] = _fills(over, region, piece, size)
-    area = np.minimum(area, size.prod(1))
+    centroid = np.stack([np.bincount(cover_region, moment[:, k], minlength=count) for k in (0, 1)], 1) / np.maximum(area, 1e-300)[:, None]
     region, piece = _simplify(region, piece, full, size)
+    # Simpler pieces are the simpler cover, but for those that lie upon each other.
+    kept, simple = np.isin(cover_region, split) & ~full[cover_region], ~np.isin(region, split) | full[region]
+    cover = np.concatenate(alike(_outlines(*piece)[simple], cover[kept]))
+    cover_region = np.concatenate([region[simple], cover_region[kept]])
+    cover = cover[np.argsort(cover_region, kind="stable")]
     first = np.full(count, scene.polygon_count)
     np.minimum.at(first, polygon_region[used], used)
     box_low, box_high = _extents(corners, owner, count)
     return Regions(
         centre, polygon_region.astype(np.int32), origin, u, v, normal, size, area, full,
         scene.reflectance[first], scene.emission[first], scene.room[first].astype(np.int32),
-        starts_of(region, count), *piece, starts_of(region, count), _outlines(*piece),
-        np.zeros(count, bool), box_low, box_high, _centroids(region, piece, area, origin, u, v),
+        starts_of(region, count), *piece, starts_of(np.sort(cover_region), count), cover,
+        np.zeros(count, bool), box_low, box_high, origin + centroid[:, :1] * u + centroid[:, 1:] * v,
     )  # fmt: skip
 
 
-def _coplanar_components(scene: Scene, pieces: polygons.Pieces, vectors: np.ndarray) -> np.ndarray:
+def _welded(scene: Scene) -> np.ndarray:
+    """(C,) number of the place of every corner: corners closer than about ``WELD`` share one."""
+    cell = np.round((scene.vertices - scene.vertices.min(0)) / WELD).astype(np.int64)
+    return np.unique(cell, axis=0, return_inverse=True)[1].reshape(-1)[scene.corner_vertex]
+
+
+def _originals(scene: Scene, vectors: np.ndarray) -> np.ndarray:
+    """(P,) of polygons of a room with the same corners and front the one that counts: the first that shines, else the first.
+
+    Which of them is seen is chance, but they must not receive or send light once more.
+    """
+    polygon = polygons.loop_polygon(scene)[np.repeat(np.arange(len(scene.loop_start) - 1), np.diff(scene.loop_start))]
+    # Each place has a number of 64 bits as good as random: sums of them are the same for the same corners only.
+    mixed = (_welded(scene).astype(np.uint64) + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
+    mixed = (mixed ^ (mixed >> np.uint64(29))) * np.uint64(0xBF58476D1CE4E5B9)
+    mixed ^= mixed >> np.uint64(32)
+    key = np.zeros(scene.polygon_count, np.uint64)
+    np.add.at(key, polygon, mixed)
+    facing = vectors @ np.array([0.5377, 0.3183, 0.7808]) > 0  # faces in one place lie either way of any direction
+    dark = (scene.emission <= 0).all(1)
+    order = np.lexsort((dark, facing, scene.room, key))
+    columns = [x[order] for x in (key, scene.room, facing)]
+    new = np.r_[True, np.any([x[1:] != x[:-1] for x in columns], axis=0)][: len(order)]
+    out = np.empty(len(order), np.int64)
+    out[order] = order[np.flatnonzero(new)[np.cumsum(new) - 1]]
+    return out
+
+
+def _coplanar_components(scene: Scene, pieces: polygons.Pieces, vectors: np.ndarray, original: np.ndarray) -> np.ndarray:
     """(P,) region of every polygon, -1 without area; regions are ordered by room, then by their first polygon."""
     count = scene.polygon_count
     area = np.linalg.norm(vectors, axis=1)
     alive = np.zeros(count, bool)
     alive[pieces.polygon] = True
+    alive &= original == np.arange(count)
     unit = vectors / np.maximum(area, 1e-300)[:, None]
     corner_polygon = polygons.loop_polygon(scene)[np.repeat(np.arange(len(scene.loop_start) - 1), np.diff(scene.loop_start))]
-    weld = np.unique(np.round((scene.vertices - scene.vertices.min(0)) / WELD).astype(np.int64), axis=0, return_inverse=True)[1].reshape(-1)
-    a = weld[scene.corner_vertex]
+    a = _welded(scene)
     following = np.arange(len(a)) + 1
     following[scene.loop_start[1:] - 1] = scene.loop_start[:-1]
     b = a[following]
-    key = np.minimum(a, b) * (weld.max(initial=0) + 1) + np.maximum(a, b)
+    key = np.minimum(a, b) * (a.max(initial=0) + 1) + np.maximum(a, b)
     order = np.argsort(key, kind="stable")
     pairs = [
         (order[:-step][same], order[step:][same])
@@ -164,7 +199,7 @@ def _coplanar_components(scene: Scene, pieces: polygons.Pieces, vectors: np.ndar
     ids = np.flatnonzero(first < count)
     rank = np.full(count, -1)
     rank[ids[np.lexsort((first[ids], scene.room[first[ids]]))]] = np.arange(len(ids))
-    return np.where(alive, rank[label], -1)
+    return np.where(alive[original], rank[label[original]], -1)
 
 
 def _corners(origin, a, b, triangle):
@@ -231,22 +266,35 @@ def _once(region, piece):
     return region[first], tuple(x[first] for x in piece)
 
 
-def _fills(chosen, region, piece, size):
-    """(n,) bool: the pieces of each chosen region hold every point of a grid on its rectangle."""
-    grid = (np.arange(_GRID) + 0.5) / _GRID
-    unit = np.stack(np.meshgrid(grid, grid, indexing="ij"), -1).reshape(-1, 2)
-    start = starts_of(region, len(size))
-    members, row = ragged(start[chosen], np.diff(start)[chosen])
-    origin, a, b, triangle = (x[members] for x in piece)
-    offset = unit[None] * size[chosen][row][:, None] - origin[:, None]
-    det = _cross(a, b)[:, None]
-    s = (offset[..., 0] * b[:, None, 1] - offset[..., 1] * b[:, None, 0]) / det
-    t = (a[:, None, 0] * offset[..., 1] - a[:, None, 1] * offset[..., 0]) / det
-    eps = 1e-9
-    inside = (s >= -eps) & (t >= -eps) & np.where(triangle[:, None], s + t <= 1 + eps, (s <= 1 + eps) & (t <= 1 + eps))
-    held = np.zeros((len(chosen), len(unit)), bool)
-    np.logical_or.at(held, row, inside)
-    return held.all(1)
+def _apart(region, cover):
+    """The outlines (n, 4, 2) with what lies on an earlier one of their region taken out: region (m,), outlines, and the regions changed."""
+    tree = BoxTree(cover.min(1), cover.max(1), region)
+    found = [np.stack(pair) for pair in tree.overlaps(cover.min(1), cover.max(1), region)]
+    first, later = np.concatenate([np.zeros((2, 0), np.int64), *(pair[:, pair[0] < pair[1]] for pair in found)], axis=1)
+    upon = np.flatnonzero(~_beside(cover[first], cover[later]) & ~_beside(cover[later], cover[first]))
+    if not len(upon):
+        return region, cover, np.zeros(0, np.int64)
+    first, later = first[upon], later[upon]
+    start = cover[first]
+    owner, parts = cut_along(
+        np.arange(len(cover)), cover, np.repeat(later, 4), start.reshape(-1, 2), np.roll(start, -1, 1).reshape(-1, 2), WELD
+    )
+    area, moment = areas_and_centroids(parts)
+    middle = moment / np.maximum(area, 1e-300)[:, None]
+    order = np.argsort(later, kind="stable")
+    pair, part = ragged(starts_of(later[order], len(cover))[owner], np.bincount(later, minlength=len(cover))[owner])
+    inside = holds(cover[first[order[pair]]], middle[part][:, None], 0.0)[:, 0]
+    stays = np.bincount(part, inside, minlength=len(parts)) == 0
+    return region[owner[stays]], parts[stays], np.unique(region[later])
+
+
+def _beside(a, b):
+    """(n,) bool: an edge of the first outline (n, 4, 2) has all of the second on its outside, but for less than ``WELD``."""
+    edge = np.roll(a, -1, 1) - a
+    length = np.linalg.norm(edge, axis=2)
+    offset = b[:, None] - a[:, :, None]
+    height = edge[..., None, 0] * offset[..., 1] - edge[..., None, 1] * offset[..., 0]
+    return ((height.max(2) <= WELD * length) & (length > 0)).any(1)
 
 
 def _simplify(region, piece, full, size):
@@ -297,16 +345,6 @@ def _join_runs(owner, low, high, axis):
     low, top = low[first], high[last].copy()
     top[:, across] = high[first][:, across]
     return owner[first], low, top
-
-
-def _centroids(region, piece, area, origin, u, v):
-    p, a, b, triangle = piece
-    middle = p + np.where(triangle[:, None], (a + b) / 3, (a + b) / 2)
-    weight = np.abs(_cross(a, b)) * np.where(triangle, 0.5, 1.0)
-    mean = (
-        np.stack([np.bincount(region, weight * middle[:, k], minlength=len(area)) for k in (0, 1)], 1) / np.maximum(area, 1e-300)[:, None]
-    )
-    return origin + mean[:, :1] * u + mean[:, 1:] * v
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

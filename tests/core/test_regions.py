@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from enfilade.core.polygons import areas_and_centroids
 from enfilade.core.regions import merge
 from scenery import box, rectangle, rotation, scene_of
 
@@ -211,3 +212,54 @@ def test_a_polygon_with_a_hole_is_framed_by_its_outline():
     cross = lambda a, b: np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])  # noqa: E731
     covered = cross(regions.piece_a, regions.piece_b) * np.where(regions.piece_triangle, 0.5, 1)
     assert covered.sum() == pytest.approx(11)
+
+
+@pytest.mark.parametrize("turn", [np.eye(3), rotation(8)], ids=["upright", "turned"])
+@pytest.mark.parametrize("third", [False, True])
+def test_parts_that_lie_upon_each_other_count_once(turn, third):
+    # Two strips that cross at one end share an edge, so that they are one region; a third lies upon both.
+    strips = [
+        rectangle((0, 0, 0), (1, 0, 0), (0, 3, 0)),
+        rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0)),
+        rectangle((1, 0, 0), (2, 0, 0), (0, 1, 0)),
+    ]
+    union = 3 + 2
+    if third:
+        strips.append(np.array([(0, 3, 0), (0, 2, 0), (2, 0, 0), (2.0, 1, 0)]))
+        strips.append(np.array([(0, 3, 0), (0, 2, 0), (1, 3, 0.0)]))
+        union += 0.5  # the corner at (1, 2), (1, 1), (2, 1): beyond the strips, under the slant
+    surfaces = merge(scene_of([s @ turn.T + 5 for s in strips]))
+    assert len(surfaces) == 1
+    assert surfaces.area[0] == pytest.approx(union, rel=1e-9)
+    assert areas_and_centroids(surfaces.cover)[0].sum() == pytest.approx(union, rel=1e-9)
+    assert not surfaces.full[0]
+
+
+def test_triangles_upon_a_rectangle_leave_it_full():
+    floor = rectangle((0, 0, 0), (4, 0, 0), (0, 3, 0))
+    surfaces = merge(scene_of([floor, np.array([(0, 0, 0), (4, 0, 0), (2, 2, 0.0)]), np.array([(4, 0, 0), (4, 3, 0), (1, 1, 0.0)])]))
+    assert len(surfaces) == 1
+    assert surfaces.area[0] == pytest.approx(12)
+    assert surfaces.full[0]
+    assert len(surfaces.cover) == 1
+
+
+def test_faces_in_one_place_are_one_surface():
+    # Of other objects, materials and first corners, some of it a mesh in triangles: each shows the light of the one that counts.
+    floor = rectangle((0, 0, 0), (4, 0, 0), (0, 3, 0))
+    copies = [floor, np.roll(floor, 1, 0), np.roll(floor, 2, 0), floor[::-1]]
+    other = rectangle((0, 0, 0), (4, 0, 0), (0, 0, 3))
+    emission = np.zeros((6, 3))
+    emission[1] = 7
+    scene = scene_of(
+        [*copies, other, floor], reflectance=np.linspace(0.1, 0.6, 6), emission=emission, object=np.arange(6), room=[0, 0, 0, 0, 0, 1]
+    )
+    surfaces = merge(scene)
+    assert surfaces.polygon_region[[0, 2]].tolist() == [surfaces.polygon_region[1]] * 2
+    assert len(surfaces) == 4
+    lamp = surfaces.polygon_region[1]
+    assert (surfaces.area[lamp], surfaces.emission[lamp, 0], surfaces.reflectance[lamp, 0]) == (pytest.approx(12), 7, pytest.approx(0.2))
+    assert surfaces.normal[lamp].tolist() == [0, 0, 1]
+    assert surfaces.normal[surfaces.polygon_region[3]].tolist() == [0, 0, -1]
+    assert (surfaces.room[surfaces.polygon_region[5]], surfaces.area[surfaces.polygon_region[5]]) == (1, pytest.approx(12))
+    assert len(surfaces.piece_origin) == 4
