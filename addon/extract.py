@@ -8,6 +8,7 @@ floor under two rooms belongs to the room above its middle, with a warning.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import bpy
@@ -16,6 +17,7 @@ import numpy as np
 from ..core.corners import corner_faces, face_area_vectors
 from ..core.enclosure import UNDECIDED, Walls, enclosing_room
 from ..core.faces import PlanarFaces, planar_faces
+from ..core.grouping import ragged
 from ..core.scene import OUTSIDE, Portals, Scene, SceneError, no_portals
 from ..core.scene_checks import check
 from .membership import Membership, everything_evaluated, lamps, membership
@@ -72,10 +74,16 @@ class Part:
     in_place: bool
 
 
-def extract(context: bpy.types.Context) -> Extraction:
+def refuse_at_once(message: str) -> None:
+    """Raise the :class:`SceneError` of a portal that is of no use."""
+    raise SceneError(message)
+
+
+def extract(context: bpy.types.Context, refuse: Callable[[str], None] = refuse_at_once) -> Extraction:
     """Read the scene of a context. Nothing in the file is changed.
 
-    Raises :class:`SceneError` with one sentence for what cannot be baked.
+    Raises :class:`SceneError` with one sentence for what cannot be baked. ``refuse`` is told so of each portal that is of no
+    use; where it returns, the portal is passed over.
     """
     scene, view_layer = context.scene, context.view_layer
     scale = scene.unit_settings.scale_length
@@ -84,7 +92,7 @@ def extract(context: bpy.types.Context) -> Extraction:
         depsgraph = context.evaluated_depsgraph_get()
         warnings: list[str] = []
         parts = parts_of(depsgraph, found, scale, warnings)
-        openings = portal_faces(depsgraph, found, scale) if found.collections else []
+        openings = portal_faces(depsgraph, found, scale, refuse) if found.collections else []
     if not parts:
         raise SceneError("the scene has no face that is visible in renders: there is nothing to bake")
     if found.left_out:
@@ -97,7 +105,7 @@ def extract(context: bpy.types.Context) -> Extraction:
 
     built = assemble(parts)
     room = _rooms_of_polygons(built, parts, found, openings, warnings)
-    portals = _portals(built, room, openings, found)
+    portals = _portals(built, room, openings, found, refuse)
     starts = np.cumsum([0] + [len(part.faces.face) for part in parts])
     area = np.linalg.norm(face_area_vectors(built.vertices, built.corner_vertex, built.loop_start), axis=1)
     receivers = []
@@ -234,7 +242,10 @@ class Opening:
     thing: bpy.types.Object
 
 
-def portal_faces(depsgraph: bpy.types.Depsgraph, found: Membership, scale: float) -> list[Opening]:
+def portal_faces(
+    depsgraph: bpy.types.Depsgraph, found: Membership, scale: float, refuse: Callable[[str], None] = refuse_at_once
+) -> list[Opening]:
+    """The faces of all portals; ``refuse`` as in :func:`extract`."""
     openings = []
     for thing in found.portals:
         evaluated = thing.evaluated_get(depsgraph)
@@ -244,14 +255,16 @@ def portal_faces(depsgraph: bpy.types.Depsgraph, found: Membership, scale: float
         finally:
             evaluated.to_mesh_clear()
         if not np.isfinite(arrays.position).all():
-            raise SceneError(f"portal '{thing.name}' has vertices that are not numbers: repair the mesh or its transform")
+            refuse(f"portal '{thing.name}' has vertices that are not numbers: repair the mesh or its transform")
+            continue
         faces = planar_faces(arrays.position, arrays.corner_vertex, arrays.face_start, arrays.triangle, arrays.triangle_face)
         pieces = np.bincount(faces.face, minlength=len(arrays.face_start) - 1)
         count = len(pieces)
         for face in range(count):
             name = f"{thing.name}" if count == 1 else f"{thing.name}, face {face}"
             if pieces[face] != 1 or (face_corners := arrays.face_start[face + 1] - arrays.face_start[face]) < 3:
-                raise SceneError(f"portal '{name}' is not one flat convex face: cut it into such faces")
+                refuse(f"portal '{name}' is not one flat convex face: cut it into such faces")
+                continue
             loop = arrays.corner_vertex[arrays.face_start[face] : arrays.face_start[face] + face_corners]
             openings.append(Opening(name, arrays.position[loop[::-1] if arrays.mirrored else loop], thing))
     return openings
@@ -358,8 +371,8 @@ def _warn_of_inverted_shells(built: Built, parts: list[Part], room: np.ndarray, 
             )
 
 
-def _portals(built: Built, room: np.ndarray, openings: list[Opening], found: Membership) -> Portals:
-    """The portals with their rooms. Raises SceneError for one that joins no rooms."""
+def _portals(built: Built, room: np.ndarray, openings: list[Opening], found: Membership, refuse: Callable[[str], None]) -> Portals:
+    """The portals with their rooms; ``refuse`` is told of one that joins no rooms."""
     if not openings:
         return no_portals()
     walls, low, high = _walls(built, room, openings, len(found.room_names))
@@ -371,19 +384,26 @@ def _portals(built: Built, room: np.ndarray, openings: list[Opening], found: Mem
     front = enclosing_room(centre + STEP * normal, normal, low, high, walls)
     rooms = np.stack([behind, front], axis=1).astype(np.int32)
     number = {collection: k for k, collection in enumerate(found.collections)}
+    good = []
     for k, opening in enumerate(openings):
         tags = opening.thing.enfilade
         if tags.by_hand:
             for side, collection in enumerate((tags.behind, tags.in_front)):
                 if collection is not None and collection not in number:
-                    raise SceneError(f"portal '{opening.name}' is set by hand to '{collection.name}', which is not a room: choose a room")
-                rooms[k, side] = OUTSIDE if collection is None else number[collection]
+                    refuse(f"portal '{opening.name}' is set by hand to '{collection.name}', which is not a room: choose a room")
+                rooms[k, side] = number.get(collection, OUTSIDE)
         if rooms[k, 0] == rooms[k, 1]:
             where = "outside of all rooms" if rooms[k, 0] == OUTSIDE else f"inside the room '{found.room_names[rooms[k, 0]]}'"
-            raise SceneError(
+            refuse(
                 f"portal '{opening.name}' joins no rooms, both of its sides are {where}: move it into an opening or set its rooms by hand"
             )
-    return Portals(corners, start, rooms, tuple(o.name for o in openings))
+            continue
+        good.append(k)
+    if not good:
+        return no_portals()
+    corner, _ = ragged(start[good], np.diff(start)[good])
+    ends = np.concatenate([[0], np.cumsum(np.diff(start)[good])]).astype(np.int64)
+    return Portals(corners[corner], ends, rooms[good], tuple(openings[k].name for k in good))
 
 
 def _world_shines(world: bpy.types.World | None) -> bool:

@@ -19,7 +19,7 @@ from ..core.regions import merge
 from ..core.scene import Scene
 from ..core.sight import Sight, sight
 from ..core.visibility_graph import VisibilityGraph, build_as_chosen
-from .extract import extract
+from .extract import Extraction, extract
 from .properties import read_options
 
 
@@ -118,7 +118,11 @@ class Leaks:
 
 def leaks_of(context: bpy.types.Context) -> Leaks:
     """Read the scene and look for gaps between its rooms. Nothing in the file is changed. Raises as :func:`inspect`."""
-    extraction = extract(context)
+    return leaks_in(extract(context))
+
+
+def leaks_in(extraction: Extraction) -> Leaks:
+    """Look for gaps between the rooms of a scene that was read."""
     scene = extraction.scene
     surfaces = merge(scene)
     blockers = blockers_of(surfaces)
