@@ -49,6 +49,7 @@ def check(scene: Scene) -> tuple[Scene, tuple[Finding, ...]]:
     numbers, indices that point nowhere, or portals that do not join two rooms.
     """
     _refuse_broken_arrays(scene)
+    scene = _three_corners(scene)
     _refuse_wrong_portals(scene)
     findings: list[Finding] = []
     vectors = area_vectors(scene)
@@ -106,7 +107,7 @@ def _refuse_broken_arrays(scene: Scene) -> None:
         raise SceneError("the first loop and the first polygon must start at 0")
     _refuse(scene, np.diff(scene.polygon_start) < 1, "has no outline")
     owner = loop_polygon(scene)
-    _refuse_corners(scene, owner[np.diff(scene.loop_start) < 3], "has an outline of fewer than three corners")
+    _refuse_corners(scene, owner[np.diff(scene.loop_start) < 1], "has an outline without corners")
     corner_polygon = np.repeat(owner, np.diff(scene.loop_start))
     wrong = (scene.corner_vertex < 0) | (scene.corner_vertex >= len(scene.vertices))
     _refuse_corners(scene, corner_polygon[wrong], "has a corner at a vertex that does not exist")
@@ -164,6 +165,20 @@ def _refuse_corners(scene: Scene, polygons: np.ndarray, text: str) -> None:
 
 
 # ------------------------------------------------------------------------------------------------------- mending
+
+
+def _three_corners(scene: Scene) -> Scene:
+    """The scene with the last corner of outlines of one or two corners repeated: points and edges are polygons of no area."""
+    lacking = np.maximum(3 - np.diff(scene.loop_start), 0)
+    if not lacking.any():
+        return scene
+    times = np.ones(len(scene.corner_vertex), np.int64)
+    times[scene.loop_start[1:] - 1] += lacking
+    return replace(
+        scene,
+        corner_vertex=np.repeat(scene.corner_vertex, times),
+        loop_start=scene.loop_start + np.concatenate([np.zeros(1, np.int64), np.cumsum(lacking)]),
+    )
 
 
 def _bent_polygons(scene: Scene, vectors: np.ndarray, area: np.ndarray) -> np.ndarray:

@@ -27,8 +27,6 @@ from __future__ import annotations
 
 import json
 import os
-import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -36,12 +34,14 @@ from typing import Any
 import numpy as np
 
 from .lamp_files import lamp_arrays, read_lamps
+from .npz_files import DamagedFile, read_arrays
 from .scene import EvaluationPoints, Portals, Scene, SceneError
 
 PROBE_TOLERANCE = 1e-3
 """A probe of a building file belongs to a polygon no farther away than this, metres."""
 
-_READ_ERRORS = (OSError, ValueError, KeyError, EOFError, MemoryError, NotImplementedError, zipfile.BadZipFile, zlib.error)
+MOST_EMPTY_ROOMS = 100_000
+"""Rooms without polygons and portals that the numbers of rooms in a file may leave between them."""
 
 
 def load_scene(path: str | os.PathLike[str]) -> Scene:
@@ -87,13 +87,9 @@ def save_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
 
 def _load_npz(path: Path) -> Scene:
     try:
-        with path.open("rb") as stream:
-            archive = np.load(stream, allow_pickle=False)
-            if isinstance(archive, np.ndarray):  # a bare .npy file under the wrong name
-                raise ValueError("it holds one bare array")
-            arrays = {key: archive[key] for key in archive.files}
-    except _READ_ERRORS as error:
-        raise SceneError(f"{path}: the file is damaged or not an .npz archive ({_first_line(error)})") from error
+        arrays = read_arrays(path)
+    except DamagedFile as error:
+        raise SceneError(f"{path}: the file is damaged or not an .npz archive ({error})") from error
     reader = _Arrays(path, arrays)
 
     if "polys" in arrays:
@@ -119,7 +115,9 @@ def _load_npz(path: Path) -> Scene:
         portal_vertices = corners.reshape(-1, 3)
         portal_start = 4 * np.arange(len(portal_rooms) + 1)
 
-    rooms = 1 + max(room.max(initial=-1), portal_rooms.max(initial=-1))
+    rooms = 1 + max(int(room.max(initial=-1)), int(portal_rooms.max(initial=-1)))
+    if rooms > len(room) + portal_rooms.size + MOST_EMPTY_ROOMS:
+        raise SceneError(f"{path}: the array 'room' or 'portal_rooms' holds the room {rooms - 1}, far more than there are polygons")
     room_names = reader.texts("room_names", default=[f"room {r}" for r in range(max(rooms, 0))])
     object_names = reader.texts("object_names", default=["scene"])
     object_index = reader.integers("object", (count,)) if "object" in arrays else np.zeros(count, np.int32)
@@ -259,6 +257,8 @@ def _load_json(path: Path) -> Scene:
         raise SceneError(f"{path}: the file cannot be read ({_first_line(error)})") from error
     except json.JSONDecodeError as error:
         raise SceneError(f"{path}: the file is damaged or not JSON ({error.msg}, line {error.lineno})") from error
+    except (ValueError, MemoryError) as error:
+        raise SceneError(f"{path}: the file is damaged ({_first_line(error)})") from error
     if not isinstance(document, dict) or document.get("format") != "rooms-portals-scene":
         raise SceneError(f"{path}: the file does not say that it is a 'rooms-portals-scene'")
     if document.get("version") != 1:
@@ -269,7 +269,7 @@ def _load_json(path: Path) -> Scene:
         raise
     except KeyError as error:
         raise SceneError(f"{path}: the entry {error} is missing") from error
-    except (TypeError, ValueError, AttributeError, OverflowError) as error:
+    except (TypeError, ValueError, AttributeError, OverflowError, IndexError, MemoryError, RecursionError) as error:
         raise SceneError(f"{path}: an entry has a wrong form ({_first_line(error)})") from error
 
 
@@ -280,9 +280,9 @@ def _scene_of_building(path: Path, document: Mapping[str, Any]) -> Scene:
     room = np.asarray([polygon["room"] for polygon in polygons], np.int32)
     room_names = tuple(str(entry["name"]) for entry in rooms)
 
-    short = np.flatnonzero(np.diff(loop_start) < 3)
-    if len(short):
-        raise SceneError(f"{path}: polygon {short[0]} has fewer than three corners")
+    empty = np.flatnonzero(np.diff(loop_start) < 1)
+    if len(empty):
+        raise SceneError(f"{path}: polygon {empty[0]} has no corners")
     material = np.asarray([polygon["mat"] for polygon in polygons], np.int64)
     wrong = np.flatnonzero((material < 0) | (material >= len(document["materials"])))
     if len(wrong):

@@ -78,7 +78,7 @@ def test_sound_scenes_pass_untouched(name):
         (lambda s: {"vertices": changed(s.vertices, (2, 0), np.inf)}, "polygon 0 of 'floor' has a corner whose position is not a finite"),
         (lambda s: {"corner_vertex": changed(s.corner_vertex, 9, 12)}, "polygon 2 of 'table' has a corner at a vertex that does not exist"),
         (lambda s: {"corner_vertex": changed(s.corner_vertex, 0, -1)}, "polygon 0 of 'floor' has a corner at a vertex"),
-        (lambda s: {"loop_start": np.array([0, 4, 10, 12])}, "polygon 2 of 'table' has an outline of fewer than three corners"),
+        (lambda s: {"loop_start": np.array([0, 4, 12, 12])}, "polygon 2 of 'table' has an outline without corners"),
         (lambda s: {"polygon_start": np.array([0, 2, 2, 3])}, "polygon 1 of 'table' has no outline"),
         (lambda s: {"room": np.array([0, 2, 1])}, "polygon 1 of 'table' lies in a room that does not exist"),
         (lambda s: {"room": np.array([-1, 1, 1])}, "polygon 0 of 'floor' lies in a room that does not exist"),
@@ -126,6 +126,15 @@ def test_polygons_without_area_stay_and_are_named():
     assert mended.polygon_count == 4
     assert finding.polygons == (1, 2)
     assert finding.message == "2 polygons have no area and are passed over: polygon 1 of 'table', polygon 2 of 'table'"
+
+
+def test_points_and_edges_are_polygons_of_no_area():
+    scene = scene_of([SQUARE[:1], SQUARE, SQUARE[:2], lifted(2)])
+    mended, finding = only(scene, "no_area")
+    assert finding.polygons == (0, 2)
+    assert np.diff(mended.loop_start).tolist() == [3, 4, 3, 4]
+    np.testing.assert_array_equal(mended.vertices[mended.corner_vertex][3:7], SQUARE)
+    np.testing.assert_array_equal(mended.vertices[mended.corner_vertex][-4:], lifted(2))
 
 
 def test_long_lists_of_offenders_are_cut_short_in_words_only():

@@ -146,7 +146,7 @@ def test_probes_of_a_building_become_points_on_their_polygons():
         ({"room": np.array([0, 1 << 40])}, "the array 'room' holds a number that is no index"),
         ({"room": np.zeros(3, np.int32)}, "the array 'room' has shape (3,) where (2) is due"),
         ({"portals": np.zeros((2, 4, 3))}, "the array 'portals' has shape (2, 4, 3) where (1, 4, 3) is due"),
-        ({"rho": np.array([[{}]], dtype=object)}, "Object arrays cannot be loaded"),
+        ({"rho": np.array([[{}]], dtype=object)}, "the array 'rho' holds object where numbers or texts are due"),
         ({"portal_names": np.array(["a", "b"])}, "portal_names has 2 texts for 1 portals"),
     ],
 )
@@ -216,7 +216,7 @@ def test_files_that_are_no_scene(tmp_path, name, content, says):
 def test_bare_array_file_under_the_wrong_name(tmp_path):
     with (tmp_path / "a.npz").open("wb") as stream:
         np.save(stream, np.zeros(3))
-    with pytest.raises(SceneError, match="it holds one bare array"):
+    with pytest.raises(SceneError, match="damaged or not an"):
         load_scene(tmp_path / "a.npz")
 
 
@@ -230,7 +230,7 @@ def test_missing_file_and_folder(tmp_path):
     ("change", "says"),
     [
         (lambda d: d["polygons"][3].update(mat=99), "polygon 3 has material 99"),
-        (lambda d: d["polygons"][5].update(v=[0, 1]), "polygon 5 has fewer than three corners"),
+        (lambda d: d["polygons"][5].update(v=[]), "polygon 5 has no corners"),
         (lambda d: d["polygons"][5].update(v=[0, 1, 2.5]), "a vertex index is not a whole number"),
         (lambda d: d["polygons"][5].pop("room"), "the entry 'room' is missing"),
         (lambda d: d["portals"][7]["v"].append(10**6), "portal 7 has vertex 1000000"),
