@@ -7,6 +7,7 @@ import bpy  # noqa: F401  # its other modules, such as bmesh, can be imported on
 
 from . import (
     command_line,
+    gltf_operators,
     last_light,
     operators,
     outdated,
@@ -32,6 +33,7 @@ MODULES = (
     overlay,
     overlay_operators,
     room_operators,
+    gltf_operators,
     panel,
     overlay_panel,
     command_line,

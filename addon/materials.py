@@ -144,3 +144,23 @@ def _base_color(output: bpy.types.Node | None) -> bpy.types.NodeSocket | None:
         else None
     )
     return socket.links[0].from_socket if socket is not None and socket.is_linked else None
+
+
+def painted_by(material: bpy.types.Material | None, mesh: bpy.types.Mesh) -> tuple[bpy.types.Image | None, str]:
+    """The image that alone is the base colour of a material, and the UV map that it lies on; None where there is no such image."""
+    tree = material.node_tree if material is not None else None
+    if tree is None or (bpy.app.version < (5, 0) and not material.use_nodes):
+        return None, ""
+    socket = _base_color(tree.get_output_node("ALL"))
+    node = socket.node if socket is not None else None
+    if node is None or node.type != "TEX_IMAGE" or node.image is None or node.image.size[0] == 0 or socket.name != "Color":
+        return None, ""
+    place = node.inputs["Vector"].links[0].from_node if node.inputs["Vector"].is_linked else None
+    if place is not None and place.type not in ("UVMAP", "TEX_COORD"):
+        return None, ""
+    if place is not None and place.type == "TEX_COORD" and node.inputs["Vector"].links[0].from_socket.name != "UV":
+        return None, ""
+    chosen = place.uv_map if place is not None and place.type == "UVMAP" else ""
+    active = next((layer.name for layer in mesh.uv_layers if layer.active_render), "")
+    name = chosen if chosen in mesh.uv_layers else active
+    return (node.image, name) if name else (None, "")

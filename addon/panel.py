@@ -27,6 +27,7 @@ def _draw_after(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     row = layout.row(align=True)
     row.operator("enfilade.show_bake", icon="HIDE_OFF", depress=viewport.shown(context.window_manager), text="Show Bake")
     row.operator("enfilade.clear", icon="TRASH", text="Clear")
+    row.operator("enfilade.export_gltf", icon="EXPORT", text="")
     if outdated.outdated(context.scene):
         layout.label(text="Out of date: something has changed", icon="ERROR")
     if context.scene.enfilade.summary:

@@ -120,6 +120,20 @@ class Workshop:
         data.foreach_get("color", out)
         return out.reshape(-1, 4)
 
+    def light(self, points):
+        """(.., 3) irradiance of the light that :meth:`bake` takes as known, where it has no steps."""
+        return (np.asarray(points) + 20.0) @ FakeSolution.SLOPE
+
+    def pixels(self, image):
+        """(H, W, 4) values of an image, row 0 at the bottom."""
+        out = np.zeros(image.size[0] * image.size[1] * 4, np.float32)
+        image.pixels.foreach_get(out)
+        return out.reshape(image.size[1], image.size[0], 4)
+
+    def lightmap(self, thing, name="Enfilade UV"):
+        """(C, 2) coordinates in the lightmap."""
+        return np.array([d.vector for d in thing.data.uv_layers[name].uv])
+
     def corners(self, thing):
         """(C, 3) world positions of the corners of an object's own mesh."""
         at = np.array([v.co for v in thing.data.vertices]) @ np.array(thing.matrix_world)[:3, :3].T + np.array(thing.matrix_world)[:3, 3]
