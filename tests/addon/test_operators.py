@@ -336,8 +336,9 @@ def test_a_modal_bake_finishes(shop, lit_room):
     while outcome == {"PASS_THROUGH"} and time.monotonic() < deadline:
         assert operator.modal(window, Event("MOUSEMOVE")) == {"PASS_THROUGH"}
         outcome = operator.modal(window, Event("TIMER"))
-        if outcome == {"PASS_THROUGH"} and overlay.content() is not None and overlay.content() not in drawn:
-            drawn.append(overlay.content())
+        shown = overlay.content()
+        if outcome == {"PASS_THROUGH"} and shown is not None and not any(shown is one for one in drawn):
+            drawn.append(shown)
             assert shop.state() == before
         time.sleep(0.01)
     assert outcome == {"FINISHED"}, operator.said
