@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy  # noqa: F401  # its other modules, such as bmesh, can be imported only after it
 
 from . import (
+    check_operators,
     command_line,
     gltf_operators,
     last_light,
@@ -19,6 +20,7 @@ from . import (
     properties,
     roles,
     room_operators,
+    setup_panel,
     viewport,
 )
 
@@ -35,6 +37,8 @@ MODULES = (
     room_operators,
     gltf_operators,
     panel,
+    setup_panel,
+    check_operators,
     overlay_panel,
     command_line,
 )

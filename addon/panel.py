@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The panels: render properties, the sidebar of the 3D viewport, and the rooms of a portal in the object properties."""
+"""The panels in the render properties, and the sidebar of the 3D viewport."""
 
 from __future__ import annotations
 
 import bpy
 
 from . import operators, outdated, viewport
-from .membership import chosen_collections
+from .setup_panel import draw_setup
 
 
 def _draw_bake(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -83,28 +83,21 @@ class ENFILADE_PT_rooms(_SubPanel, bpy.types.Panel):
     """Which collections are rooms and portals."""
 
     bl_label = "Rooms and Portals"
+    bl_order = 0
 
     def draw(self, context: bpy.types.Context) -> None:
         column = self.start()
         settings = context.scene.enfilade
-        rooms, portals = chosen_collections(context.scene)
         column.prop(settings, "rooms")
         column.prop(settings, "portals")
-        note = column.column(align=True)
-        note.active = False
-        if rooms is None:
-            note.label(text="The whole scene is one room", icon="INFO")
-            return
-        count = len([c for c in rooms.children if c != portals]) or 1
-        faces = sum(len(o.data.polygons) for o in portals.all_objects if o.type == "MESH") if portals is not None else 0
-        chosen = "" if settings.rooms is not None else f" in '{rooms.name}'"
-        note.label(text=f"{count} room{'s' * (count != 1)}{chosen}, {faces} portal{'s' * (faces != 1)}", icon="INFO")
+        draw_setup(self.layout, context)
 
 
 class ENFILADE_PT_output(_SubPanel, bpy.types.Panel):
     """Where the light goes."""
 
     bl_label = "Output"
+    bl_order = 2
 
     def draw(self, context: bpy.types.Context) -> None:
         column = self.start()
@@ -126,6 +119,7 @@ class ENFILADE_PT_solver(_SubPanel, bpy.types.Panel):
     """How the light is computed."""
 
     bl_label = "Solver"
+    bl_order = 3
 
     def draw(self, context: bpy.types.Context) -> None:
         column = self.start()
@@ -159,32 +153,7 @@ class ENFILADE_PT_sidebar(bpy.types.Panel):
         _draw_after(layout, context)
 
 
-class ENFILADE_PT_portal(bpy.types.Panel):
-    """The rooms of a portal."""
-
-    bl_label = "Enfilade Portal"
-    bl_space_type = "PROPERTIES"
-    bl_region_type = "WINDOW"
-    bl_context = "object"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        portals = chosen_collections(context.scene)[1]
-        return context.object is not None and portals is not None and portals.all_objects.get(context.object.name) is not None
-
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        tags = context.object.enfilade
-        layout.prop(tags, "by_hand")
-        column = layout.column()
-        column.active = tags.by_hand
-        column.prop(tags, "behind")
-        column.prop(tags, "in_front")
-
-
-_CLASSES = (ENFILADE_PT_render, ENFILADE_PT_rooms, ENFILADE_PT_output, ENFILADE_PT_solver, ENFILADE_PT_sidebar, ENFILADE_PT_portal)
+_CLASSES = (ENFILADE_PT_render, ENFILADE_PT_rooms, ENFILADE_PT_output, ENFILADE_PT_solver, ENFILADE_PT_sidebar)
 
 
 def register() -> None:
