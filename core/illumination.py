@@ -57,7 +57,7 @@ def illuminate(
             filters = basis.two_scale(forest.order).astype(np.float32)[forest.slot[fresh]]
             foreseen = forest.at_nodes(fresh, np.matmul(filters.transpose(0, 2, 1), own[forest.parent[fresh]]))
         surprise = light.reshape(-1, forest.node_count, 3) - foreseen
-        error = np.sqrt((surprise**2).mean(1)).max(1) * np.sqrt(forest.area[fresh])
+        error = np.sqrt((surprise.astype(np.float64) ** 2).mean(1)).max(1) * np.sqrt(forest.area[fresh])
         error = np.maximum(error, UNSEEN * _hidden_light(doubt, veil, forest.node_count) * np.sqrt(forest.area[fresh]))
         parents = fresh[(error > limit[forest.region[fresh]]) & forest.can_split(fresh, min_size)]
         before = len(forest)
