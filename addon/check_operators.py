@@ -10,7 +10,7 @@ import bpy
 from mathutils import Vector
 
 from .checks import Finding, check
-from .guards import REFUSALS, in_object_mode, sentence
+from .guards import REFUSALS, in_object_mode, redraw_panels, sentence
 
 ICONS = {"ERROR": "CANCEL", "WARNING": "ERROR", "NOTE": "INFO"}
 
@@ -117,6 +117,7 @@ class ENFILADE_OT_check(bpy.types.Operator):
         except REFUSALS as error:
             self.report({"ERROR"}, sentence(error))
             return {"CANCELLED"}
+        redraw_panels(context)
         self.report({"INFO"}, headline(checked))
         return {"FINISHED"}
 

@@ -112,12 +112,10 @@ def _near_end(scene: Scene, leak: Leak) -> tuple[str, ...]:
 def _open_rooms(context: bpy.types.Context, seen: Survey) -> Iterator[Finding]:
     """Rooms that are not closed: with a gap to the outside, without a ceiling, or without a wall."""
     found = membership(context.scene, context.view_layer)
-    spread = np.zeros((len(seen.things), len(seen.rooms)))
-    np.add.at(spread, seen.owner, seen.rooms.spread)
     member = np.array([found.rooms.get(thing, ()) == (r,) for r in range(len(found.room_names)) for thing in seen.things])
-    held = member.reshape(len(found.room_names), -1).astype(float) @ spread
+    held = member.reshape(len(found.room_names), -1).astype(float) @ seen.spread
     if len(found.room_names) == 1:
-        held = spread.sum(axis=0)[None]
+        held = seen.spread.sum(axis=0)[None]
     for gap in seen.rooms.gaps:
         name = found.room_names[int(held[:, gap.room].argmax())]
         text = f"Room '{name}' has a gap of about {gap.width:.1f} m to the outside: close it, or put a portal into it"

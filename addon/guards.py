@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What buttons have in common: when they can be pressed, and how they say what is wrong."""
+"""What buttons have in common: when they can be pressed, how they say what is wrong, and that the panels show what they did."""
 
 from __future__ import annotations
 
@@ -30,3 +30,13 @@ def sentence(error: BaseException) -> str:
 def capital(text: str) -> str:
     """The text with a capital first letter; all others stay as they are."""
     return text[:1].upper() + text[1:]
+
+
+def redraw_panels(context: bpy.types.Context) -> None:
+    """Draw the panels anew, and not the 3D viewports themselves: that would take the machine from the solver."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            kind = {"PROPERTIES": "WINDOW", "VIEW_3D": "UI"}.get(area.type)
+            for region in area.regions:
+                if region.type == kind:
+                    region.tag_redraw()

@@ -8,7 +8,7 @@ import bpy
 from ..core.scene import SceneError
 from . import job, last_light, viewport
 from .clear import clear, has_bake
-from .guards import REFUSALS, capital, in_object_mode, sentence
+from .guards import REFUSALS, capital, in_object_mode, redraw_panels, sentence
 from .membership import membership
 from .preview import Previews, PreviewWindow
 from .worker import Worker
@@ -133,7 +133,7 @@ class ENFILADE_OT_bake(bpy.types.Operator):
             self._preview.show(preview)
         context.window_manager.progress_update(100 * step.fraction)
         context.workspace.status_text_set(f"Enfilade  {100 * step.fraction:.0f} %  {step.stage}: {step.message}   |   ESC cancels")
-        _redraw(context)
+        redraw_panels(context)
 
     def _finish(self, context: bpy.types.Context) -> None:
         """What every way out of a modal bake does."""
@@ -145,7 +145,7 @@ class ENFILADE_OT_bake(bpy.types.Operator):
         context.window_manager.progress_end()
         if context.workspace is not None:
             context.workspace.status_text_set(None)
-        _redraw(context)
+        redraw_panels(context)
 
     def _refuse(self, error: BaseException) -> set[str]:
         self.report({"ERROR"}, sentence(error))
@@ -238,16 +238,6 @@ def rooms_of_selection(context: bpy.types.Context) -> tuple[str, ...]:
     if not numbers:
         raise SceneError("no selected object is in a room: select something in each room that is to be baked")
     return tuple(found.room_names[number] for number in numbers)
-
-
-def _redraw(context: bpy.types.Context) -> None:
-    """Draw the panels anew, and not the 3D viewports themselves: that would take the machine from the solver."""
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            kind = {"PROPERTIES": "WINDOW", "VIEW_3D": "UI"}.get(area.type)
-            for region in area.regions:
-                if region.type == kind:
-                    region.tag_redraw()
 
 
 _CLASSES = (ENFILADE_OT_bake, ENFILADE_OT_cancel, ENFILADE_OT_clear, ENFILADE_OT_show_bake)

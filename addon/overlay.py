@@ -106,7 +106,8 @@ def _draw_legend() -> None:
         return
     scale = context.preferences.system.ui_scale
     x = 16 * scale + sum(r.width for r in context.area.regions if r.type == "TOOLS")
-    y, step = 18 * scale, 20 * scale
+    # Blender's own box with the last operator lies in the same corner.
+    y, step = 18 * scale + sum(r.height for r in context.area.regions if r.type == "HUD" and r.height > 1), 20 * scale
     blf.size(0, 12 * scale)
     blf.enable(0, blf.SHADOW)
     blf.shadow(0, 5, 0.0, 0.0, 0.0, 0.8)

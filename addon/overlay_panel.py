@@ -16,6 +16,7 @@ class ENFILADE_PT_overlay(bpy.types.Panel):
     bl_region_type = "UI"
     bl_category = "Enfilade"
     bl_parent_id = "ENFILADE_PT_sidebar"
+    bl_order = 2
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:

@@ -16,18 +16,20 @@ _SUN = np.array([0.32, 0.48, 0.82])
 
 
 def rooms_content(seen: Survey, names: tuple[str, ...]) -> Content:
-    """Every surface in the colour of the room that it looks into, with a cross at each gap; ``names`` are those of the rooms."""
+    """Every surface in the colour of its room, with a cross at each gap; ``names`` are those of the rooms."""
     found = seen.rooms
     # The golden section keeps the hues of rooms that follow each other apart.
     hues = np.array([colorsys.hsv_to_rgb(k * 0.61803398875 % 1.0, 0.55, 0.85) for k in range(len(found))]).reshape(-1, 3)
-    room = found.front[seen.polygon]
+    # An object in one room has the colour of that room all around, backs and undersides too.
+    only = np.where(seen.rooms_of.sum(axis=1) == 1, seen.rooms_of.argmax(axis=1), -1)[seen.owner]
+    room = np.where(only >= 0, only, found.front)[seen.polygon]
     corners = seen.triangle[room >= 0]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
     shade = 0.6 + 0.4 * (0.5 + 0.5 * normal @ _SUN)
     color = np.column_stack([hues[room[room >= 0]] * shade[:, None], np.ones(len(corners))])
     layers = [_layer(seen, False, corners.reshape(-1, 3), np.repeat(color, 3, axis=0))]
-    legend = [(tuple(hues[r]), f"{names[r]}: {found.volume[r]:.0f} m\N{SUPERSCRIPT THREE}") for r in range(len(found))]
+    legend = [(tuple(hues[r]), names[r]) for r in range(len(found))]
     if len(legend) > MOST_NAMED:
         legend = [*legend[:MOST_NAMED], (None, f"and {len(legend) - MOST_NAMED} more")]
     if found.gaps:

@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 
 from ..core.room_finding import FoundRooms, find_rooms, rooms_of_objects
-from ..core.scene import SceneError
+from ..core.scene import OUTSIDE, SceneError
 from .extract import Built, Opening, Part, assemble, fan, parts_of, portal_faces
 from .membership import Membership, everything_evaluated, own_objects, rendered_objects
 from .roles import ROOMS, chosen_collections, home_of, portal_objects, roles
@@ -26,6 +26,7 @@ class Survey:
     """All surfaces of a scene and the rooms found between them.
 
     triangle : (T, 3, 3), metres;  polygon : (T,) polygon of each;  owner : (P,) object of each polygon, index into ``things``
+    spread : (N, R) m2 of every object that look into each room;  rooms_of : (N, R) bool, the rooms that it belongs to
     """
 
     parts: tuple[Part, ...]
@@ -36,6 +37,8 @@ class Survey:
     things: tuple[bpy.types.Object, ...]
     owner: np.ndarray
     rooms: FoundRooms
+    spread: np.ndarray
+    rooms_of: np.ndarray
     metres_per_unit: float
 
 
@@ -60,7 +63,11 @@ def survey(context: bpy.types.Context) -> Survey:
     things = tuple(dict.fromkeys(part.owner for part in parts))
     number = {thing: k for k, thing in enumerate(things)}
     owner = np.array([number[part.owner] for part in parts])[built.object]
-    return Survey(tuple(parts), built, tuple(openings), triangle, polygon, things, owner, found, scale)
+    spread = np.zeros((len(things), len(found)))
+    np.add.at(spread, owner, found.spread)
+    rooms_of = rooms_of_objects(spread)
+    rooms_of |= _nearest_rooms(found, rooms_of, triangle, owner[polygon], np.bincount(owner, found.front == OUTSIDE, len(things)) > 0)
+    return Survey(tuple(parts), built, tuple(openings), triangle, polygon, things, owner, found, spread, rooms_of, scale)
 
 
 @dataclass(frozen=True)
@@ -79,17 +86,13 @@ def sort_into_rooms(context: bpy.types.Context, seen: Survey, cut: bool) -> Sort
 
     cut : objects with faces in several rooms are cut apart where that is possible; otherwise they are linked into all these rooms
     """
-    scene, found = context.scene, seen.rooms
-    spread = np.zeros((len(seen.things), len(found)))
-    np.add.at(spread, seen.owner, found.spread)
-    rooms_of = rooms_of_objects(spread)
-    _give_the_hidden_a_room(seen, rooms_of)
-    homes = _homes(scene, seen, spread, rooms_of)
+    scene = context.scene
+    homes = _homes(scene, seen)
     placing = _Placing(scene, homes)
     severed, shared, elsewhere, count = [], [], [], 0
     for k, thing in enumerate(seen.things):
-        own = np.flatnonzero(rooms_of[k])
-        own = own[np.argsort(-spread[k, own], kind="stable")]
+        own = np.flatnonzero(seen.rooms_of[k])
+        own = own[np.argsort(-seen.spread[k, own], kind="stable")]
         if len(own) == 0:
             elsewhere.append(thing.name)
             continue
@@ -106,22 +109,20 @@ def sort_into_rooms(context: bpy.types.Context, seen: Survey, cut: bool) -> Sort
     return Sorted(tuple(homes), count, tuple(severed), tuple(shared), tuple(elsewhere))
 
 
-def _give_the_hidden_a_room(seen: Survey, rooms_of: np.ndarray) -> None:
-    """What no cell fits in front of, such as a book in a shelf, is in the room that is nearest to it."""
-    lost = np.flatnonzero(~rooms_of.any(axis=1)) if rooms_of.shape[1] else []
-    if len(lost) == 0:
-        return
-    middle = seen.triangle.mean(axis=1)
-    of_triangle = seen.owner[seen.polygon]
-    near = seen.rooms.near(np.array([middle[of_triangle == k].mean(axis=0) for k in lost]))
-    looks_out = np.bincount(seen.owner, seen.rooms.front == -1, len(rooms_of))[lost] > 0
-    known = (near >= 0) & ~looks_out
-    rooms_of[lost[known], near[known]] = True
+def _nearest_rooms(found: FoundRooms, rooms_of: np.ndarray, triangle: np.ndarray, owner: np.ndarray, looks_out: np.ndarray) -> np.ndarray:
+    """(N, R) bool: what no cell fits in front of, such as a book in a shelf, is in the room that is nearest to it."""
+    out = np.zeros_like(rooms_of)
+    lost = np.flatnonzero(~rooms_of.any(axis=1) & ~looks_out) if len(found) else np.zeros(0, int)
+    if len(lost):
+        middle = triangle.mean(axis=1)
+        near = found.near(np.array([middle[owner == k].mean(axis=0) for k in lost]))
+        out[lost[near >= 0], near[near >= 0]] = True
+    return out
 
 
-def _homes(scene: bpy.types.Scene, seen: Survey, spread: np.ndarray, rooms_of: np.ndarray) -> list[bpy.types.Collection]:
+def _homes(scene: bpy.types.Scene, seen: Survey) -> list[bpy.types.Collection]:
     """The collection of every room: one that is this room already, one that holds little else, or a new one."""
-    kinds, count = roles(scene), len(seen.rooms)
+    kinds, count, spread = roles(scene), len(seen.rooms), seen.spread
     number = {thing: k for k, thing in enumerate(seen.things)}
     root = chosen_collections(scene)[0]
     homes: list[bpy.types.Collection | None] = [None] * count
@@ -134,7 +135,7 @@ def _homes(scene: bpy.types.Scene, seen: Survey, spread: np.ndarray, rooms_of: n
         members = [number[o] for o in own_objects(collection, kinds) if o in number]
         held = spread[members].sum(axis=0)
         # A collection of the user's own is only taken where it holds nothing of another room.
-        if held.any() and (kind == "ROOM" or rooms_of[members].any(axis=0).sum() == 1):
+        if held.any() and (kind == "ROOM" or seen.rooms_of[members].any(axis=0).sum() == 1):
             candidates.append((held.max() / total[held.argmax()], int(held.argmax()), kind, collection))
     for share, room, kind, collection in sorted(candidates, key=lambda c: (c[2] != "ROOM", -c[0])):
         if homes[room] is None and share >= (MOSTLY if kind == "" else 0.3):
@@ -143,7 +144,7 @@ def _homes(scene: bpy.types.Scene, seen: Survey, spread: np.ndarray, rooms_of: n
                 collection.enfilade.role = "ROOM"
     for room in range(count):
         if homes[room] is None:
-            home = bpy.data.collections.new(_name(scene, seen, rooms_of, room))
+            home = bpy.data.collections.new(_name(seen, room))
             parent = home_of(scene, ROOMS, "ROOM")
             parent.children.link(home)
             if parent.enfilade.role == "ROOM":
@@ -152,9 +153,9 @@ def _homes(scene: bpy.types.Scene, seen: Survey, spread: np.ndarray, rooms_of: n
     return homes
 
 
-def _name(scene: bpy.types.Scene, seen: Survey, rooms_of: np.ndarray, room: int) -> str:
+def _name(seen: Survey, room: int) -> str:
     """The words that most names of a room's objects begin with, such as "Living room" of "Living room sofa"; else a number."""
-    names = [seen.things[k].name for k in np.flatnonzero(rooms_of[:, room]) if rooms_of[k].sum() == 1]
+    names = [seen.things[k].name for k in np.flatnonzero(seen.rooms_of[:, room] & (seen.rooms_of.sum(axis=1) == 1))]
     words = [re.sub(r"\.\d{3,}$", "", name).replace("_", " ").split() for name in names]
     starts = Counter(" ".join(w[:n]) for w in words for n in range(1, len(w)))
     common = [start for start, number in starts.items() if number >= 3 and number >= 0.7 * len(names)]
