@@ -17,13 +17,15 @@ RAYS = (1, 3, 8, 64)
 _SURE = 8
 HOLLOW = 0.1
 """Part of the rays of a hollow that meets backs, at least. A dark room next door, through whose door no ray fell, has less."""
+SHINING = 0.3
+"""The same where surfaces of the hollow shine: more is at stake."""
 
 
 def buried(regions: Regions, blockers: Blockers, owner: np.ndarray, pieces: np.ndarray, contact: float) -> np.ndarray:
     """(n,) bool: pieces (n, k, 2), in the frames of the regions ``owner`` (n,), that no light gets to.
 
     All rays from the middle of such a piece meet backs, or nothing behind a face that lies on it; or the piece belongs to a hollow:
-    pieces that see each other and backs, and neither the rest of their room, nor a way out, nor light. contact : metres
+    pieces that see each other and many backs, and neither the rest of their room nor a way out. contact : metres
     """
     sight = _Sight(regions, blockers, owner, pieces, contact)
     count, area = len(owner), np.maximum(areas_and_centroids(pieces)[0], 0.0)
@@ -45,13 +47,14 @@ def buried(regions: Regions, blockers: Blockers, owner: np.ndarray, pieces: np.n
         largest = np.zeros(int(room.max(initial=0)) + 1)
         np.maximum.at(largest, room, size[group])
         apart = size[group] < largest[room]
-        dark = np.bincount(group, area * backs, minlength=count) >= HOLLOW * size
+        bright = np.bincount(group, shines, minlength=count) > 0
+        dark = np.bincount(group, area * backs, minlength=count) >= np.where(bright, SHINING, HOLLOW) * size
         doubtful = apart & ((rays == RAYS[0]) | dark[group])
         asked = np.flatnonzero(~blind & (doubtful | (backs > 0) & (rays < _SURE)))
         if not len(asked):
             break
-    lit = np.bincount(group, free | shines, minlength=count) > 0
-    return blind | apart & ~lit[group] & dark[group]
+    way_out = np.bincount(group, free, minlength=count) > 0
+    return blind | apart & ~way_out[group] & dark[group]
 
 
 class _Sight:

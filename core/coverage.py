@@ -1,9 +1,11 @@
-"""How much of a rectangle in a region's plane the region covers: exact, by clipping its convex pieces."""
+"""Which places of a region's plane the region covers, and how much of a rectangle: exact, by its convex pieces."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from .box_tree import BoxTree
+from .plane_cuts import holds
 from .polygons import areas_and_centroids, clip_to_boxes
 from .regions import Regions
 
@@ -41,3 +43,17 @@ def measure(regions: Regions, box: np.ndarray, row: np.ndarray, piece: np.ndarra
     # Overlapping pieces would count twice: no part holds more than all of itself.
     limit = np.minimum(1.0, step.prod(1)[:, None] / np.maximum(area, 1e-300))
     return np.maximum(area * limit, 0.0), moment * limit[..., None], low, high, touched
+
+
+def covered(regions: Regions, region: np.ndarray, uv: np.ndarray, slack: float) -> np.ndarray:
+    """(n,) bool: regions (n,) cover the places uv (n, 2) of their frames, or come within ``slack`` (m) of them."""
+    asked = np.zeros(len(regions), bool)
+    asked[region] = True
+    owner = np.repeat(np.arange(len(regions)), np.diff(regions.cover_start))
+    members = np.flatnonzero(asked[owner])
+    cover = regions.cover[members]
+    out = np.zeros(len(region), bool)
+    for piece, place in BoxTree(cover.min(1), cover.max(1), owner[members]).overlaps(uv - slack, uv + slack, region):
+        inside = holds(cover[piece], uv[place][:, None], -slack)[:, 0]
+        out[place[inside]] = True
+    return out

@@ -9,9 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from .building import Building
+from .coverage import covered
 from .elements import Forest
 from .occlusion import first_hits, kronecker
 from .parallel import Crew
+from .regions import Regions
 
 RAYS = 1 << 15
 """Rays for a whole building; a room gets ``MIN_RAYS`` of them at least."""
@@ -19,6 +21,8 @@ MIN_RAYS = 64
 
 LEAK = 1e-2
 """Share of lost rays up to which a room counts as closed: what slips through seams, or starts in furniture that meets other furniture."""
+_ROUNDING = 1e-5
+"""Metres by which a node may lie beside its surface."""
 
 
 def lost_share(building: Building, forest: Forest, crew: Crew) -> np.ndarray:
@@ -62,6 +66,9 @@ def _cast(building: Building, forest: Forest, weight: np.ndarray, crew: Crew) ->
     position = begin[owner] + (rank + 0.5) / number[owner] * total[owner]
     chosen = np.minimum(np.searchsorted(running, position), len(flat) - 1)
     element, node = leaf[chosen // forest.node_count], chosen % forest.node_count
+    kept = np.flatnonzero(_on_the_surface(building.regions, forest, element, node))
+    owner, element, node = owner[kept], element[kept], node[kept]
+    number = np.bincount(owner, minlength=building.room_count)
     direction = _directions(len(owner), building.regions, forest.region[element])
     lost = np.zeros(len(owner), bool)
     cuts = np.flatnonzero(np.diff(owner)) + 1
@@ -69,6 +76,16 @@ def _cast(building: Building, forest: Forest, weight: np.ndarray, crew: Crew) ->
     for rows, result in crew.map(_lost, (building, forest.region[element], forest.nodes[element, node], direction), blocks):
         lost[rows] = result
     return owner, total[owner] / np.maximum(number[owner], 1), lost
+
+
+def _on_the_surface(regions: Regions, forest: Forest, element: np.ndarray, node: np.ndarray) -> np.ndarray:
+    """(n,) bool: the node is a place of its surface. Where this goes around what stands on it, the middle of a part may lie under that."""
+    out = np.ones(len(element), bool)
+    cut = np.flatnonzero(forest.cut(element))
+    region = forest.region[element[cut]]
+    uv = regions.local(region, forest.nodes[element[cut], node[cut]] + regions.centre)
+    out[cut] = covered(regions, region, uv, _ROUNDING)
+    return out
 
 
 def _lost(
@@ -81,7 +98,7 @@ def _lost(
     return rows, (hits.blocker < 0) | hits.behind
 
 
-def _directions(count: int, regions, region: np.ndarray) -> np.ndarray:
+def _directions(count: int, regions: Regions, region: np.ndarray) -> np.ndarray:
     """(n, 3) float32 cosine-distributed directions about the normals of ``region``, a two-dimensional Kronecker sequence."""
     first, second = kronecker(np.arange(count))
     radius, angle = np.sqrt(first), 2 * np.pi * second

@@ -120,3 +120,12 @@ def test_the_same_on_any_number_of_threads():
     one, four = lost_share(building, forest, crew(1)), lost_share(building, forest, crew(4))
     np.testing.assert_array_equal(one, four)
     assert escaped_power(building, forest, light, one, crew(1)) == escaped_power(building, forest, light, one, crew(4))
+
+
+def test_no_ray_starts_under_what_stands_on_a_surface():
+    # A foot in the middle of the floor, unsplit: the middle of what is left of its element lies under the foot.
+    polygons = [*box(high=(4, 3, 2.5)), *box((1.9, 1.4, 0), (2.1, 1.6, 2), inward=False)]
+    building = building_of(scene_of(polygons, emission=1.0, object=[0] * 6 + [1] * 6))
+    for order in (1, 2, 3):
+        forest = Forest(building.regions, order)
+        assert lost_share(building, forest, crew(1))[0] < 1e-3
