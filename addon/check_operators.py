@@ -19,6 +19,7 @@ class ENFILADE_PG_finding(bpy.types.PropertyGroup):
     """One finding; the objects' names one to a line."""
 
     level: bpy.props.StringProperty(options={"HIDDEN"})
+    title: bpy.props.StringProperty(options={"HIDDEN"})
     message: bpy.props.StringProperty(options={"HIDDEN"})
     objects: bpy.props.StringProperty(options={"HIDDEN"})
     faces: bpy.props.StringProperty(options={"HIDDEN"})
@@ -93,7 +94,7 @@ def fill(checked: ENFILADE_PG_check, found: list[Finding]) -> None:
     checked.active = -1
     for finding in found:
         item = checked.findings.add()
-        item.level, item.message = finding.level, finding.message
+        item.level, item.title, item.message = finding.level, finding.title, finding.message
         item.objects, item.faces = "\n".join(finding.objects), " ".join(map(str, finding.faces))
         item.has_place = finding.place is not None
         item.place = finding.place or (0.0, 0.0, 0.0)
@@ -133,7 +134,7 @@ class ENFILADE_UL_findings(bpy.types.UIList):
     """Findings by level."""
 
     def draw_item(self, context, layout, data, item, icon, active_data, active_property, index=0, flt_flag=0) -> None:
-        layout.label(text=item.message, icon=ICONS[item.level], translate=False)
+        layout.label(text=item.title, icon=ICONS[item.level], translate=False)
 
 
 class _CheckPanel:

@@ -33,11 +33,12 @@ class Finding:
     """Something to know before a bake.
 
     level : ``"ERROR"`` (nothing can be baked), ``"WARNING"`` (the light will be wrong somewhere) or ``"NOTE"``
-    message : what it is, and what can be done about it
+    title : a few words;  message : what it is, and what can be done about it
     objects : names of those to blame;  faces : of the first of them, those meant;  place : in the world, where there is one
     """
 
     level: str
+    title: str
     message: str
     objects: tuple[str, ...] = ()
     faces: tuple[int, ...] = ()
@@ -84,7 +85,8 @@ def _named(level: str, message: str) -> Finding:
         elif name in bpy.data.collections and not names:
             names.update(dict.fromkeys(bpy.data.collections[name].all_objects.keys()))
     face = re.search(r", face (\d+)'", message)
-    return Finding(level, capital(message), tuple(names), (int(face[1]),) if face else ())
+    title = re.sub(r"^(object|portal|room|material|the mesh)s? (?=')", "", re.split(r", |: ", message)[0], flags=re.IGNORECASE)
+    return Finding(level, capital(title.replace("'", "")), capital(message), tuple(names), (int(face[1]),) if face else ())
 
 
 def _leaks(extraction: Extraction) -> Iterator[Finding]:
@@ -95,9 +97,10 @@ def _leaks(extraction: Extraction) -> Iterator[Finding]:
         pair = frozenset((leak.room, leak.other))
         if pair not in done:
             done.add(pair)
-            rooms = f"'{names[leak.room]}' leaks into '{names[leak.other]}'"
-            text = f"Room {rooms} past the portals: close the gap, or put a portal into it"
-            yield Finding(WARNING, text, _near_end(found.scene, leak), (), _world(leak.end, extraction.metres_per_unit))
+            title = f"{names[leak.room]} leaks into {names[leak.other]}"
+            rooms = f"'{names[leak.room]}' into '{names[leak.other]}'"
+            text = f"Light gets from room {rooms} past the portals: close the gap, or put a portal into it"
+            yield Finding(WARNING, title, text, _near_end(found.scene, leak), (), _world(leak.end, extraction.metres_per_unit))
 
 
 def _near_end(scene: Scene, leak: Leak) -> tuple[str, ...]:
@@ -119,12 +122,12 @@ def _open_rooms(context: bpy.types.Context, seen: Survey) -> Iterator[Finding]:
     for gap in seen.rooms.gaps:
         name = found.room_names[int(held[:, gap.room].argmax())]
         text = f"Room '{name}' has a gap of about {gap.width:.1f} m to the outside: close it, or put a portal into it"
-        yield Finding(WARNING, text, (), (), _world(gap.place, seen.metres_per_unit))
+        yield Finding(WARNING, f"{name} has a gap", text, (), (), _world(gap.place, seen.metres_per_unit))
     closed = rooms_of_objects(held).any(axis=1) & (held.max(axis=1, initial=0) > 0) & (not seen.rooms.lid)
     for r in np.flatnonzero(~closed):
         text = f"Room '{found.room_names[r]}' is open: a wall or the ceiling is missing, and light gets lost there"
         things = tuple(thing.name for thing in seen.things if r in found.rooms.get(thing, ()))
-        yield Finding(NOTE, text, things)
+        yield Finding(NOTE, f"{found.room_names[r]} is open", text, things)
 
 
 def _dark_rooms(scene: Scene) -> Iterator[Finding]:
@@ -142,9 +145,8 @@ def _dark_rooms(scene: Scene) -> Iterator[Finding]:
         return  # the reader says that there is no light at all
     for r in dark[:_MOST]:
         things = tuple(scene.object_names[k] for k in np.unique(scene.object[scene.room == r]))
-        yield Finding(
-            WARNING, f"Room '{scene.room_names[r]}' stays black: it has no lamp, and no portals lead from a lamp to it", _existing(things)
-        )
+        text = f"Room '{scene.room_names[r]}' stays black: it has no lamp, and no portals lead from a lamp to it"
+        yield Finding(WARNING, f"{scene.room_names[r]} stays black", text, _existing(things))
 
 
 def _wrong_sides(seen: Survey) -> Iterator[Finding]:
@@ -157,17 +159,22 @@ def _wrong_sides(seen: Survey) -> Iterator[Finding]:
         own = np.flatnonzero(built.object == k)
         mesh = part.mesh
         island = islands(mesh.corner_vertex, mesh.face_start)[part.faces.face]
+        away = (seen.rooms.back[own] >= 0) & (seen.rooms.front[own] < 0)
         front = np.bincount(island, area[own] * (seen.rooms.front[own] >= 0))
-        back = np.bincount(island, area[own] * ((seen.rooms.back[own] >= 0) & (seen.rooms.front[own] < 0)))
+        back = np.bincount(island, area[own] * away)
         wrong = back > 2 * front + 0.05
         if wrong.any():
             faces = np.unique(part.faces.face[wrong[island]])
             text = f"'{part.name}': {_faces(len(faces))} {_look(len(faces))} away from the room and will be dark inside: flip the normals"
-            yield Finding(WARNING, text, (part.thing.name,), tuple(faces.tolist()))
+            yield Finding(WARNING, f"{part.name} looks away", text, (part.thing.name,), tuple(faces.tolist()))
+        # Boxes that were welded where they touch have such neighbours too, but mostly look the right way.
         turned = turned_faces(mesh.corner_vertex, mesh.face_start)
+        meant = np.isin(part.faces.face, turned) & ~wrong[island]
+        if area[own[meant & away]].sum() <= 0.5 * area[own[meant]].sum():
+            turned = turned[:0]
         if len(turned):
             text = f"'{part.name}': {_faces(len(turned))} {_look(len(turned))} the other way than the neighbours: recalculate the normals"
-            yield Finding(WARNING, text, (part.thing.name,), tuple(turned.tolist()))
+            yield Finding(WARNING, f"{part.name} has turned faces", text, (part.thing.name,), tuple(turned.tolist()))
 
 
 def _bent(seen: Survey) -> Iterator[Finding]:
@@ -178,7 +185,7 @@ def _bent(seen: Survey) -> Iterator[Finding]:
         faces = bent_faces(part.mesh.position, part.mesh.corner_vertex, part.mesh.face_start)
         if len(faces):
             text = f"'{part.name}': {_faces(len(faces))} {'is' if len(faces) == 1 else 'are'} not flat and taken as triangles"
-            yield Finding(NOTE, text, (part.thing.name,), tuple(faces.tolist()))
+            yield Finding(NOTE, f"{part.name} is not flat", text, (part.thing.name,), tuple(faces.tolist()))
 
 
 def _shared_meshes(context: bpy.types.Context) -> Iterator[Finding]:
@@ -190,7 +197,7 @@ def _shared_meshes(context: bpy.types.Context) -> Iterator[Finding]:
     for mesh, names in users.items():
         if len(names) > 1:
             text = f"The mesh '{mesh.name}' is shared by {len(names)} objects: the bake gives each a copy of its own"
-            yield Finding(NOTE, text, tuple(names))
+            yield Finding(NOTE, f"{mesh.name} is shared", text, tuple(names))
 
 
 def _existing(names) -> tuple[str, ...]:

@@ -33,7 +33,10 @@ def test_every_portal_that_joins_nothing_is_named(shop, checked):
     for k, x in enumerate((1.0, 20.0)):
         shop.mesh([(x, 1, 0), (x, 2, 0), (x, 2, 2), (x, 1, 2)], [(0, 1, 2, 3)], f"Stray {k}", portals)
     found = about(checked(), "joins no rooms")
-    assert [(f.level, f.objects) for f in found] == [("ERROR", ("Stray 0",)), ("ERROR", ("Stray 1",))]
+    assert [(f.level, f.title, f.objects) for f in found] == [
+        ("ERROR", "Stray 0 joins no rooms", ("Stray 0",)),
+        ("ERROR", "Stray 1 joins no rooms", ("Stray 1",)),
+    ]
 
 
 def test_a_bent_portal_is_named_with_its_face(shop, checked):
@@ -47,8 +50,9 @@ def test_a_bent_portal_is_named_with_its_face(shop, checked):
 def test_a_door_without_a_portal_leaks(shop, checked):
     made = shop.two_rooms()
     shop.bpy.data.objects.remove(made["Door"])
-    (finding,) = about(checked(), "leaks into")
+    (finding,) = about(checked(), "past the portals")
     assert finding.level == "WARNING"
+    assert finding.title in ("West leaks into East", "East leaks into West")
     assert finding.objects
     assert finding.place is not None
 
@@ -147,3 +151,16 @@ def test_findings_of_one_file_are_not_shown_in_another(shop):
     bpy.ops.object.mode_set(mode="EDIT")
     with pytest.raises(RuntimeError, match="object mode"):
         bpy.ops.enfilade.check()
+
+
+def test_boxes_welded_along_an_edge_are_in_order(shop, checked):
+    """Two steps that meet in one edge, which their neighbouring faces run along in the same direction."""
+    shop.two_rooms()
+    vertices = [(1 + x, 1 + y, z) for y in (0, 0.5) for x, z in ((0, 0), (0.5, 0), (0.5, 0.5), (0, 0.5), (1, 0.5), (1, 1), (0.5, 1))]
+    lower, upper = [0, 1, 2, 3], [2, 4, 5, 6]
+    faces = []
+    for ring in (lower, upper):
+        sides = [(a, b, b + 7, a + 7) for a, b in zip(ring, ring[1:] + ring[:1], strict=True)]
+        faces += sides + [tuple(ring[::-1]), tuple(v + 7 for v in ring)]
+    shop.mesh(vertices, [f[::-1] for f in faces], "Steps", shop.bpy.data.collections["West"])
+    assert about(checked(), "Steps") == []
