@@ -20,7 +20,7 @@ from ..core.console import ProgressLine, summary
 from ..core.options import BakeOptions, Options
 from ..core.scene import SceneError
 from . import job, picture
-from .properties import write_options
+from .export_gltf import export
 
 COMMAND = "enfilade"
 
@@ -53,9 +53,16 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("file", metavar="FILE.blend", type=Path, help="file to bake")
     parser.add_argument("--out", metavar="BAKED.blend", type=Path, help="file that receives the baked scene")
     parser.add_argument("--picture", metavar="OUT.png", type=Path, help="picture of the bake, by the scene's camera or from above")
+    parser.add_argument("--gltf", metavar="OUT.glb", type=Path, help="file that receives the baked meshes for web viewers")
+    parser.add_argument(
+        "--exposure", metavar="STOPS", type=float, default=0.0, help="with --gltf: stops by which the light is made brighter"
+    )
     parser.add_argument("--report", metavar="REPORT.json", type=Path, help="file that receives the figures of the run")
     parser.add_argument("--rooms", metavar="NAME", help="collection whose children are the rooms [that of the file, or Rooms]")
     parser.add_argument("--portals", metavar="NAME", help="collection of the portals [that of the file, or Portals]")
+    parser.add_argument(
+        "--only", metavar="ROOM", action="append", default=[], help="give new light to this room alone, lit by all; may be given again"
+    )
     add_options(parser, Options, "how the scene is solved")
     add_options(parser, BakeOptions, "where the light goes")
     return parser
@@ -68,9 +75,10 @@ def _check_files(given: argparse.Namespace) -> None:
         raise OutputError(f"{source}: there is no such file")
     if source.is_dir() or source.suffix.lower() != ".blend":
         raise OutputError(f"{source}: this is not a .blend file")
-    if given.out is None and given.picture is None:
-        raise OutputError("nothing would be written: give --out BAKED.blend, --picture OUT.png or both")
-    check_outputs([(given.out, "--out", ".blend"), (given.picture, "--picture", ".png"), (given.report, "--report", "")])
+    if given.out is None and given.picture is None and given.gltf is None:
+        raise OutputError("nothing would be written: give --out BAKED.blend, --picture OUT.png, --gltf OUT.glb or several of them")
+    suffixes = (("out", ".blend"), ("picture", ".png"), ("gltf", ".glb"), ("report", ""))
+    check_outputs([(getattr(given, name), f"--{name}", suffix) for name, suffix in suffixes])
 
 
 def _bake(given: argparse.Namespace, line: ProgressLine, out: TextIO, err: TextIO) -> int:
@@ -87,7 +95,7 @@ def _bake(given: argparse.Namespace, line: ProgressLine, out: TextIO, err: TextI
     options, bake = job.settings(scene)
     options, bake = options_from(given, Options, options), options_from(given, BakeOptions, bake)
     line.show("read", 0.0, given.file.name)
-    reading = job.read(context, options, bake)
+    reading = job.read(context, options, bake, given.only)
     loaded = time.perf_counter() - started
     line.close()
     for warning in reading.warnings:
@@ -100,11 +108,7 @@ def _bake(given: argparse.Namespace, line: ProgressLine, out: TextIO, err: TextI
     written = job.write(context, reading, baked)
     figures = {**baked.report, "seconds": {"load": loaded, **baked.report["seconds"]}}
     figures["seconds"]["total"] += loaded
-    # The file remembers how it was baked, so that the button in Blender repeats it.
-    scale = scene.unit_settings.scale_length
-    write_options(scene.enfilade.solve, options, scale)
-    write_options(scene.enfilade.bake, bake, scale)
-    scene.enfilade.summary = job.summary_line(reading, baked, written)
+    job.remember(scene, reading, baked, written)
     files = []
     if given.out is not None:
         _save(given.out)
@@ -113,6 +117,10 @@ def _bake(given: argparse.Namespace, line: ProgressLine, out: TextIO, err: TextI
         with _quiet():
             picture.render(context, reading, baked, written, given.picture.resolve())
         files.append(given.picture)
+    if given.gltf is not None:
+        for warning in export(context, given.gltf, given.exposure).warnings:
+            err.write(f"warning: {warning}\n")
+        files.append(given.gltf)
     if given.report is not None:
         given.report.write_text(json.dumps(figures, indent=2, default=float) + "\n", encoding="utf-8")
         files.append(given.report)

@@ -8,7 +8,7 @@ from bpy_extras.io_utils import ExportHelper
 
 from .clear import has_bake
 from .export_gltf import export
-from .operators import REFUSALS, sentence
+from .guards import REFUSALS, in_object_mode, sentence
 
 
 class ENFILADE_OT_export_gltf(bpy.types.Operator, ExportHelper):
@@ -29,8 +29,7 @@ class ENFILADE_OT_export_gltf(bpy.types.Operator, ExportHelper):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if context.mode != "OBJECT":
-            cls.poll_message_set("Switch to object mode first")
+        if not in_object_mode(cls, context):
             return False
         if not has_bake(context.scene):
             cls.poll_message_set("There is no bake in this scene: bake first, then export")

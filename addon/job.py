@@ -29,7 +29,7 @@ from .light_layers import SolvedLight
 from .membership import everything_evaluated
 from .mesh_arrays import bulk
 from .preview import Previews
-from .properties import read_options
+from .properties import read_options, write_options
 
 SOLVE_SHARE = {"vertex": 0.75, "texture": 0.15}
 """Part of the progress bar that the solver takes; the rest is for asking it at corners or at the many texels."""
@@ -352,6 +352,14 @@ def show_materials(reading: Reading, targets: list[str | None], images: dict[str
         tags = thing.data.enfilade
         source = {"image": images[name], "uv_map": tags.uv_map} if name in images else {"attribute": tags.attribute}
         materials.show(thing, materials.Display(reading.bake.quantity, open_backs=open_backs, **source), made)
+
+
+def remember(scene: bpy.types.Scene, reading: Reading, baked: Baked, written: Written) -> None:
+    """Have the scene say how it was baked, so that the button in Blender repeats a bake that began elsewhere."""
+    scale = scene.unit_settings.scale_length
+    write_options(scene.enfilade.solve, reading.options, scale)
+    write_options(scene.enfilade.bake, reading.bake, scale)
+    scene.enfilade.summary = summary_line(reading, baked, written)
 
 
 def summary_line(reading: Reading, baked: Baked, written: Written) -> str:

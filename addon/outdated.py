@@ -80,6 +80,7 @@ def _look_on() -> float | None:
         _looking, _scene = _steps(scene, view_layer), scene.session_uid
     until = time.perf_counter() + SLICE
     try:
+        next(_looking)
         while time.perf_counter() < until:
             next(_looking)
     except StopIteration as end:

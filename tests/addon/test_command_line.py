@@ -197,3 +197,17 @@ def test_help_lists_all_options(run, capsys):
     text = capsys.readouterr().out
     for flag in ("--out", "--picture", "--report", "--rooms", "--portals", "--quality", "--texel-density", "--image-folder"):
         assert flag in text
+
+
+def test_one_room_and_a_web_page(run, flat, tmp_path):
+    out, web = tmp_path / "baked.blend", tmp_path / "east.glb"
+    code, said, progress = run(flat, "--out", out, "--gltf", web, "--only", "East", "--quality", "draft", "--exposure", "2")
+    assert code == 0, progress
+    assert said.splitlines()[-3:] == ["2 objects carry the light", f"written: {out}", f"written: {web}"]
+    data = web.read_bytes()
+    document = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+    assert sorted(node["name"] for node in document["nodes"]) == ["East door wall", "East walls"]
+    assert document["scenes"][0]["extras"]["enfilade"]["exposure"] == 2.0
+    code, _, progress = run(flat, "--gltf", tmp_path / "none.glb", "--only", "Attic")
+    assert (code, progress.splitlines()[-1]) == (2, "enfilade: there is no room 'Attic' to bake: the rooms are West, East")
+    assert not (tmp_path / "none.glb").exists()
