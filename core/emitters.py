@@ -10,7 +10,8 @@ import numpy as np
 
 from .elements import Forest, Subtrees
 
-_BLOCK = 1 << 16
+_BLOCK = 1 << 14
+"""Elements of some emitters that are worked on at once."""
 
 
 @dataclass(frozen=True)
@@ -33,9 +34,9 @@ class Emitters:
         """(n,) int64 emitter at each of ``places`` (n,)."""
         return np.searchsorted(self.start, places, side="right") - 1
 
-    def blocks(self, size: int) -> list[slice]:
-        """Places of some emitters in turn, about ``size`` elements together."""
-        cuts = np.unique(np.searchsorted(self.start, np.arange(0, self.start[-1] + size, size)))
+    def blocks(self) -> list[slice]:
+        """Places of some emitters in turn, a handy number of elements together."""
+        cuts = np.unique(np.searchsorted(self.start, np.arange(0, self.start[-1] + _BLOCK, _BLOCK)))
         ends = self.start[np.unique(np.r_[0, np.minimum(cuts, len(self))])]
         return [slice(int(a), int(b)) for a, b in pairwise(ends) if b > a]
 

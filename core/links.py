@@ -149,7 +149,7 @@ def closing_gain(
     own = _arriving(forest, links, lambda elements: np.broadcast_to(one, (len(elements), *one.shape[1:])), allocate)
     gain = allocate((len(forest), forest.node_count), np.float32)
     emitters = emitters or emitters_of(forest, forest.region, len(forest.regions))
-    for places in emitters.blocks(BLOCK):
+    for places in emitters.blocks():
         elements, trees = emitters.order[places], emitters.trees_of_block(forest, places)
         total = forest.at_nodes(elements, trees.push(own[elements]))[..., 0]
         leaf = closed[elements] & (forest.children[elements] < 0).all(1)

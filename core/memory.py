@@ -28,6 +28,15 @@ def resident_bytes() -> int:
         return peak_bytes()
 
 
+def give_back_free() -> None:
+    """Have the allocator return to the system what this process has freed; only that of the GNU C library needs to be asked."""
+    if sys.platform != "linux":
+        return
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim:
+        trim(ctypes.c_size_t(0))
+
+
 class _Counters(ctypes.Structure):
     """PROCESS_MEMORY_COUNTERS of the Windows API."""
 

@@ -75,7 +75,7 @@ class Shooter:
         self._residency = Residency(size, limit, self._leave)
         self._links_read = 0
         self.unshot = np.zeros((units, 3))
-        for places in emitters.blocks(BLOCK):
+        for places in emitters.blocks():
             own = emitters.order[places]
             leaf = own[_leaf(forest, own)]
             power = forest.mean(leaf, direct[leaf]) * self._reflectance(leaf) * forest.area[leaf, None]
@@ -209,7 +209,7 @@ class Shooter:
         forest, emitters = self._forest, self._emitters
         out = self._space.zeros((len(forest), forest.functions, 3), np.float32)
         brightest = 0.0
-        for places in emitters.blocks(BLOCK):
+        for places in emitters.blocks():
             own, trees, light = emitters.order[places], emitters.trees_of_block(forest, places), self._light[places]
             rest = _received(forest, own, light)
             waiting = self._fresh[emitters.of(np.arange(places.start, places.stop))][:, None, None]

@@ -10,18 +10,20 @@ from __future__ import annotations
 import mmap
 import os
 import tempfile
+import time
 import weakref
 from pathlib import Path
 
 import numpy as np
 
-from ..memory import resident_bytes
+from ..memory import give_back_free, resident_bytes
 from .errors import StoreError, refused
 
 SHARE = 0.5
 """Part of the budget that arrays may fill: the rest is for the work on one block."""
 SMALL = 1 << 16
 """Arrays of fewer bytes stay in memory."""
+_TRIM_SECONDS = 0.3
 _FILL = bytes(1 << 20)
 
 
@@ -35,6 +37,8 @@ class Space:
     def __init__(self, budget: int = 0, base: int = 0, folder: str | Path = "") -> None:
         self.budget, self._base, self._folder = budget, base, folder
         self._maps: weakref.WeakSet[mmap.mmap] = weakref.WeakSet()
+        self._held: list[weakref.ref[np.ndarray]] = []
+        self._trimmed = 0.0
 
     @property
     def limited(self) -> bool:
@@ -48,7 +52,13 @@ class Space:
 
     def fits(self, size: int) -> bool:
         """Whether an array of ``size`` bytes can be in memory."""
-        return not self.budget or size < SMALL or resident_bytes() - self._base + size <= self.limit
+        if not self.budget or size < SMALL:
+            return True
+        # Zeros that nobody has touched are not resident yet.
+        return (
+            max(resident_bytes() - self._base, sum(array.nbytes for held in self._held if (array := held()) is not None)) + size
+            <= self.limit
+        )
 
     def zeros(self, shape: int | tuple[int, ...], dtype: np.dtype | type | str = np.float64) -> np.ndarray:
         """An array of zeros, in memory or in a file. Raises :class:`StoreError` when there is no folder or no room for one."""
@@ -62,11 +72,10 @@ class Space:
         dtype = np.dtype(dtype)
         shape = (shape,) if isinstance(shape, int | np.integer) else tuple(shape)
         size = int(np.prod(shape, dtype=np.int64)) * dtype.itemsize
+        if not self.fits(size):
+            self.release()  # what is mapped already need not stay
         if self.fits(size):
-            return np.zeros(shape, dtype), None
-        self.release()  # what is mapped already need not stay
-        if self.fits(size):
-            return np.zeros(shape, dtype), None
+            return self._in_memory(shape, dtype), None
         if not self._folder:
             raise StoreError(
                 f"option memory: {size / 1e6:.1f} MB more do not fit in the {self.budget / 1e6:.1f} MB allowed; "
@@ -74,6 +83,13 @@ class Space:
             )
         mapped = scratch(Path(self._folder), size)
         return np.frombuffer(mapped, dtype).reshape(shape), mapped
+
+    def _in_memory(self, shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
+        array = np.zeros(shape, dtype)
+        if self.budget and array.nbytes >= SMALL:
+            self._held = [held for held in self._held if held() is not None]
+            self._held.append(weakref.ref(array))
+        return array
 
     def watch(self, mapped: mmap.mmap) -> None:
         """Release the pages of this map too when there is need."""
@@ -83,6 +99,11 @@ class Space:
         """To be called between blocks of work: gives pages back if the process holds more than its arrays may fill."""
         if self.budget and resident_bytes() - self._base > self.limit:
             self.release()
+            # Asking the allocator costs as much as some blocks of work, so it is asked from time to time.
+            now = time.perf_counter()
+            if now - self._trimmed > _TRIM_SECONDS and resident_bytes() - self._base > self.limit:
+                give_back_free()
+                self._trimmed = time.perf_counter()
 
     def release(self) -> None:
         """Give back the pages of all mapped arrays."""
