@@ -9,7 +9,7 @@ import bmesh
 import bpy
 from mathutils import Vector
 
-from .checks import Finding, check
+from .checks import Finding, check, cost
 from .guards import REFUSALS, in_object_mode, redraw_panels, sentence
 
 ICONS = {"ERROR": "CANCEL", "WARNING": "ERROR", "NOTE": "INFO"}
@@ -98,6 +98,7 @@ def fill(checked: ENFILADE_PG_check, found: list[Finding]) -> None:
         item.objects, item.faces = "\n".join(finding.objects), " ".join(map(str, finding.faces))
         item.has_place = finding.place is not None
         item.place = finding.place or (0.0, 0.0, 0.0)
+    checked.estimate = checked.basis = ""
     checked.done = True
 
 
@@ -115,6 +116,7 @@ class ENFILADE_OT_check(bpy.types.Operator):
         checked = context.window_manager.enfilade_check
         try:
             fill(checked, check(context))
+            checked.estimate, checked.basis = cost(context)
         except REFUSALS as error:
             self.report({"ERROR"}, sentence(error))
             return {"CANCELLED"}

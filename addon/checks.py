@@ -11,15 +11,19 @@ import bpy
 import numpy as np
 
 from ..core.corners import face_area_vectors
+from ..core.estimate import estimate, in_words
 from ..core.face_checks import bent_faces, islands, turned_faces
 from ..core.grouping import components
 from ..core.leaks import Leak
+from ..core.parallel import worker_count
 from ..core.room_finding import rooms_of_objects
 from ..core.scene import OUTSIDE, Scene, SceneError
 from .extract import Extraction, extract
 from .guards import capital
 from .inspection import leaks_in
+from .job import settings
 from .membership import membership
+from .mesh_arrays import MeshArrays
 from .room_sorting import Survey, survey
 
 ERROR, WARNING, NOTE = "ERROR", "WARNING", "NOTE"
@@ -214,3 +218,24 @@ def _look(count: int) -> str:
 
 def _world(metres: np.ndarray, metres_per_unit: float) -> tuple[float, float, float]:
     return tuple(float(x) for x in metres / metres_per_unit)
+
+
+def cost(context: bpy.types.Context) -> tuple[str, str]:
+    """What a bake of the scene should take, and what that rests on. Raises as a bake would."""
+    options, bake = settings(context.scene)
+    extraction = extract(context, lambda message: None)
+    faces = [receiver.mesh for receiver in extraction.receivers]
+    if bake.target == "vertex":
+        values = sum(len(mesh.corner_vertex) for mesh in faces)
+    else:
+        values = int(bake.texel_density**2 * sum(_area(mesh) for mesh in faces))
+    if bake.subdivide > 0.0:
+        values = max(values, int(3 * 2 * sum(_area(mesh) for mesh in faces) / bake.subdivide**2))
+    found = estimate(extraction.scene, options, values, worker_count(options.threads))
+    low, high = (in_words(seconds) for seconds in found.seconds)
+    size = f"{found.megabytes:.0f} MB" if found.megabytes < 1000 else f"{found.megabytes / 1000:.1f} GB"
+    return f"{low} to {high}, about {size}", found.basis
+
+
+def _area(mesh: MeshArrays) -> float:
+    return float(np.linalg.norm(face_area_vectors(mesh.position, mesh.corner_vertex, mesh.face_start), axis=1).sum())

@@ -164,3 +164,20 @@ def test_boxes_welded_along_an_edge_are_in_order(shop, checked):
         faces += sides + [tuple(ring[::-1]), tuple(v + 7 for v in ring)]
     shop.mesh(vertices, [f[::-1] for f in faces], "Steps", shop.bpy.data.collections["West"])
     assert about(checked(), "Steps") == []
+
+
+def test_what_a_bake_costs(shop):
+    from enfilade.addon.checks import cost
+
+    shop.two_rooms()
+    words, basis = cost(shop.bpy.context)
+    assert " to " in words
+    assert words.endswith("MB")
+    assert basis.startswith("For 21 polygons in 2 rooms and 84 values")
+    bake = shop.bpy.context.scene.enfilade.bake
+    bake.target, bake.texel_density = "texture", 10.0
+    # 2 x 42 m2 of walls and ceilings less the doors, and 1 m2 of lamp.
+    values = int(cost(shop.bpy.context)[1].split(" values")[0].split()[-1].replace(",", ""))
+    assert values == pytest.approx(100 * (2 * (12 + 7.5 + 10) + 2 * (9 + 7.5 + 7.5) - 4 + 1), rel=0.01)
+    shop.bpy.ops.enfilade.check()
+    assert shop.bpy.context.window_manager.enfilade_check.estimate
