@@ -9,7 +9,7 @@ floor under two rooms belongs to the room above its middle, with a warning.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
@@ -18,11 +18,14 @@ from ..core.corners import corner_faces, face_area_vectors
 from ..core.enclosure import UNDECIDED, Walls, enclosing_room
 from ..core.faces import PlanarFaces, planar_faces
 from ..core.grouping import ragged
+from ..core.lamps import joined_suns
 from ..core.scene import OUTSIDE, Portals, Scene, SceneError, no_portals
 from ..core.scene_checks import check
-from .membership import Membership, everything_evaluated, lamps, membership
+from .lamps import placed, read_lamps
+from .membership import Membership, everything_evaluated, membership
 from .mesh_arrays import MeshArrays, read_mesh, same_topology
 from .shading import Surface, read_material
+from .world import read_world
 
 STEP = 1e-3
 """Rays that look for a room start this far in front of a face, metres."""
@@ -93,19 +96,17 @@ def extract(context: bpy.types.Context, refuse: Callable[[str], None] = refuse_a
         warnings: list[str] = []
         parts = parts_of(depsgraph, found, scale, warnings)
         openings = portal_faces(depsgraph, found, scale, refuse) if found.collections else []
+        standing = read_lamps(depsgraph, view_layer, found, scale, warnings)
     if not parts:
         raise SceneError("the scene has no face that is visible in renders: there is nothing to bake")
     if found.left_out:
         warnings.append(f"{_listed('object', found.left_out)} in no room and out of the bake")
-    unlit = lamps(view_layer)
-    if unlit:
-        warnings.append(f"lamps do not shine yet, only emitting surfaces do: {_names(unlit)}")
-    if _world_shines(scene.world):
-        warnings.append(f"the light of the world '{scene.world.name}' is not taken into account yet")
-
     built = assemble(parts)
     room = _rooms_of_polygons(built, parts, found, openings, warnings)
     portals = _portals(built, room, openings, found, refuse)
+    sky, suns = read_world(scene.world, warnings)
+    lamps = placed(standing, lambda at, facing: _rooms_around(built, room, openings, found, at, facing), warnings)
+    lamps = replace(lamps, suns=joined_suns(lamps.suns, suns), sky=sky)
     starts = np.cumsum([0] + [len(part.faces.face) for part in parts])
     area = np.linalg.norm(face_area_vectors(built.vertices, built.corner_vertex, built.loop_start), axis=1)
     receivers = []
@@ -130,6 +131,7 @@ def extract(context: bpy.types.Context, refuse: Callable[[str], None] = refuse_a
             room_names=found.room_names,
             object_names=tuple(part.name for part in parts),
             portals=portals,
+            lamps=lamps,
         )
     )
     warnings += [finding.message for finding in findings]
@@ -313,6 +315,14 @@ def _rooms_of_polygons(built: Built, parts: list[Part], found: Membership, openi
     return room
 
 
+def _rooms_around(built: Built, room: np.ndarray, openings: list[Opening], found: Membership, at, facing) -> np.ndarray:
+    """(n,) rooms around points (n, 3) that look one way (n, 3), -1 outside; a scene that is one room holds them all."""
+    if not found.collections:
+        return np.zeros(len(at), np.int64)
+    walls, low, high = _walls(built, room, openings, len(found.room_names))
+    return enclosing_room(at + STEP * facing, facing, low - ROOM_MARGIN, high + ROOM_MARGIN, walls).astype(np.int64)
+
+
 def _walls(built: Built, room: np.ndarray, openings: list[Opening], count: int) -> tuple[Walls, np.ndarray, np.ndarray]:
     """What rays can meet, and the bounding boxes (R, 3) of the rooms' own surfaces."""
     triangles, polygon = fan(built.corner_vertex, built.loop_start, built.vertices)
@@ -404,18 +414,6 @@ def _portals(built: Built, room: np.ndarray, openings: list[Opening], found: Mem
     corner, _ = ragged(start[good], np.diff(start)[good])
     ends = np.concatenate([[0], np.cumsum(np.diff(start)[good])]).astype(np.int64)
     return Portals(corners[corner], ends, rooms[good], tuple(openings[k].name for k in good))
-
-
-def _world_shines(world: bpy.types.World | None) -> bool:
-    tree = world.node_tree if world is not None else None
-    if tree is None:
-        return False
-    backgrounds = [n for n in tree.nodes if n.type == "BACKGROUND"]
-    return any(
-        n.inputs["Strength"].is_linked
-        or (n.inputs["Strength"].default_value > 0 and (n.inputs["Color"].is_linked or max(n.inputs["Color"].default_value[:3]) > 0))
-        for n in backgrounds
-    )
 
 
 def _names(names: list[str] | tuple[str, ...], most: int = 5) -> str:

@@ -90,11 +90,6 @@ def rendered_objects(view_layer: bpy.types.ViewLayer) -> list[bpy.types.Object]:
     return list(found)
 
 
-def lamps(view_layer: bpy.types.ViewLayer) -> list[str]:
-    """Names of the lamps that are visible in renders."""
-    return sorted(o.name for o in rendered_objects(view_layer) if o.type == "LIGHT")
-
-
 @contextmanager
 def everything_evaluated(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> Iterator[None]:
     """Within, nothing is hidden in the viewport, so that Blender evaluates all that takes part; afterwards all is as before."""

@@ -62,7 +62,7 @@ class _Reader:
             self.warnings.append(text)
 
     def shader(self, socket: bpy.types.NodeSocket, depth: int) -> Surface:
-        node = _source(socket)
+        node = source_of(socket)
         if node is None or depth > 64:
             return Surface()
         if node.mute:
@@ -94,7 +94,7 @@ class _Reader:
 
     def value(self, socket: bpy.types.NodeSocket, unknown: float | None = None) -> float:
         """A number: that of the socket or of a Value node; otherwise ``unknown``, or the socket's own."""
-        node = _source(socket)
+        node = source_of(socket)
         if node is None:
             return float(socket.default_value)
         if node.type == "VALUE":
@@ -105,7 +105,7 @@ class _Reader:
 
     def color(self, socket: bpy.types.NodeSocket) -> np.ndarray:
         """(3,) linear colour: that of the socket, of an RGB node, the mean of an image; otherwise the socket's own."""
-        node = _source(socket)
+        node = source_of(socket)
         if node is None:
             return np.array(socket.default_value[:3], float)
         if node.type == "RGB":
@@ -118,7 +118,7 @@ class _Reader:
         return np.array(socket.default_value[:3], float)
 
 
-def _source(socket: bpy.types.NodeSocket) -> bpy.types.Node | None:
+def source_of(socket: bpy.types.NodeSocket) -> bpy.types.Node | None:
     """The node that feeds a socket, reroutes skipped; None where nothing is plugged in."""
     for _ in range(256):
         if not socket.is_linked or socket.links[0].is_muted:
@@ -130,8 +130,8 @@ def _source(socket: bpy.types.NodeSocket) -> bpy.types.Node | None:
     return None
 
 
-def image_mean(image: bpy.types.Image) -> np.ndarray:
-    """(3,) float64 mean of an image in linear colour, weighted by its alpha."""
+def image_pixels(image: bpy.types.Image) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 3) float32 linear colour of the pixels of an image, row by row from the bottom, and (n,) their alpha."""
     pixels = np.empty(image.size[0] * image.size[1] * image.channels, np.float32)
     image.pixels.foreach_get(pixels)
     pixels = pixels.reshape(-1, image.channels)
@@ -141,5 +141,11 @@ def image_mean(image: bpy.types.Image) -> np.ndarray:
     # Byte buffers hold values as in the file; float buffers are linear already.
     if not image.is_float and image.colorspace_settings.name == "sRGB":
         color = np.where(color <= 0.04045, color / 12.92, ((color + 0.055) / 1.055) ** 2.4)
+    return color, alpha
+
+
+def image_mean(image: bpy.types.Image) -> np.ndarray:
+    """(3,) float64 mean of an image in linear colour, weighted by its alpha."""
+    color, alpha = image_pixels(image)
     weight = alpha if alpha.sum() > 0 else np.ones_like(alpha)
     return np.average(color.astype(np.float64), axis=0, weights=weight)

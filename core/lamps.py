@@ -109,6 +109,12 @@ def no_suns() -> Suns:
     return Suns((), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
 
 
+def joined_suns(one: Suns, other: Suns) -> Suns:
+    """The suns of both."""
+    arrays = (np.concatenate([getattr(one, name), getattr(other, name)]) for name in ("toward", "irradiance", "angle"))
+    return Suns(one.names + other.names, *arrays)
+
+
 @dataclass(frozen=True)
 class Lamps:
     """All that shines on a scene beside its emitting surfaces; ``sky`` is None where the outside is black."""

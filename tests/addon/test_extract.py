@@ -335,21 +335,6 @@ def test_a_room_that_is_inside_out_is_named(shop, inward):
     assert inward or "'Shell'" in said[0]
 
 
-def test_lamps_and_world_are_named(shop):
-    shop.box((0, 0, 0), (1, 1, 1))
-    lamp = shop.bpy.data.objects.new("Bulb", shop.bpy.data.lights.new("Bulb", "POINT"))
-    shop.bpy.context.scene.collection.objects.link(lamp)
-    world = shop.bpy.data.worlds.new("Sky")
-    if world.node_tree is None:
-        world.use_nodes = True
-    shop.bpy.context.scene.world = world
-    warnings = shop.extract().warnings
-    assert any("'Bulb'" in w for w in warnings)
-    assert any("'Sky'" in w for w in warnings)
-    assert any("emits light" in w for w in warnings)
-    assert len(warnings) == 3
-
-
 def test_a_large_building_comes_back_from_its_file(shop, tmp_path):
     """Rooms, portals and their rooms, areas and light of a generated building, through the importer and a .blend file."""
     from enfilade.core.polygons import area_vectors
