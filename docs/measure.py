@@ -1,56 +1,88 @@
-"""How far the light is off on the bench scenes in tests/data/bench, as a table: ``python -m enfilade.docs.measure [QUALITY ...]``."""
+"""All measures of accuracy, in one table: ``python -m enfilade.docs.measure [--quick] [PART ...]``.
+
+Writes the tables into docs/accuracy.md, between its two marks. What a part gave is kept in out/measures.json until the code changes,
+so that a run that was interrupted goes on where it was. ``--quick`` takes minutes, for a look: it prints and writes nothing.
+"""
 
 from __future__ import annotations
 
+import argparse
+import importlib
+import json
 import sys
-import time
+from dataclasses import asdict
 from pathlib import Path
 
-import numpy as np
+from .measures.tables import Table, markdown
+from .processes import machine
+from .report.results import code_version
 
-from ..core.options import Options
-from ..core.pipeline import solve
-from ..core.scene_files import load_scene
+PARTS = ("form_factors", "solutions", "convergence", "errors", "penumbrae", "energy", "bases", "segments")
+"""Modules of ``measures``, in the order of the page."""
 
-BENCH = Path(__file__).resolve().parent.parent / "tests" / "data" / "bench"
-HEAD = "| scene | quality | elements | relative RMSE | in rooms with no lamp | noise of the reference | energy accounted for | seconds |"
-
-
-def errors(scene: str, light: np.ndarray) -> tuple[float, float, float]:
-    """Root mean square error over mean irradiance, by area: at all points, in rooms with no lamp, and of the reference itself."""
-    data, reference = np.load(BENCH / f"{scene}.npz"), np.load(BENCH / f"{scene}.ref.npz")
-    exact, noise, area = reference["E"].astype(float), reference["se"].astype(float), data["pts_area"].astype(float)
-    unlit = reference["Edir"].sum(1) <= 1e-3 * exact.sum(1)
-    dark = np.isin(data["room"][data["pts_poly"]], data["indirect_rooms"]) & unlit
-
-    def relative(difference: np.ndarray, where: np.ndarray) -> float:
-        weight = area[where, None] / area[where].sum()
-        return float(np.sqrt((weight * difference[where] ** 2).sum(0).mean()) / (weight * exact[where]).sum(0).mean())
-
-    everywhere = np.ones(len(area), bool)
-    return relative(light - exact, everywhere), relative(light - exact, dark) if dark.any() else float("nan"), relative(noise, everywhere)
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "docs" / "accuracy.md"
+BEGIN, END = "<!-- begin of what python -m enfilade.docs.measure writes -->", "<!-- end -->"
 
 
-def row(name: str, quality: str) -> str:
-    """One line of the table."""
-    scene = load_scene(BENCH / f"{name}.npz")
-    started = time.perf_counter()
-    solution = solve(scene, Options(quality=quality))
-    light = solution.irradiance(scene.points.position, scene.points.polygon)
-    seconds = time.perf_counter() - started
-    all_, dark, noise = errors(name, light)
-    energy = solution.report["energy"]
-    balance = (energy["absorbed"] + energy["escaped"]) / energy["emitted"]
-    cells = [name, quality, f"{solution.report['elements']:,}", f"{all_:.2%}", "" if np.isnan(dark) else f"{dark:.2%}", f"{noise:.2%}"]
-    return "| " + " | ".join([*cells, f"{balance:.2%}", f"{seconds:.1f}"]) + " |"
+def main(arguments: list[str]) -> int:
+    """Measure what is missing, then write the page. Returns the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m enfilade.docs.measure", description=__doc__.splitlines()[0])
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"only these: {', '.join(PARTS)}")
+    parser.add_argument("--quick", action="store_true", help="small versions, in minutes; the page stays as it is")
+    parser.add_argument("--fresh", action="store_true", help="measure again what was measured")
+    given = parser.parse_args(arguments)
+    if unknown := [p for p in given.parts if p not in PARTS]:
+        parser.error(f"there is no part {unknown[0]}; there are {', '.join(PARTS)}")
+    kept = Kept(ROOT / "out" / ("measures-quick.json" if given.quick else "measures.json"))
+    for part in given.parts or PARTS:
+        if given.fresh or kept.table(part) is None:
+            print(f"measuring {part}", file=sys.stderr, flush=True)
+            kept.keep(part, importlib.import_module(f".measures.{part}", __package__).measure(given.quick))
+    tables = [table for part in PARTS if (table := kept.table(part))]
+    if given.quick:
+        print(text_of(tables, machine()))
+    else:
+        write(PAGE, text_of(tables, machine()))
+        print(f"written: {PAGE}")
+    return 0
 
 
-def main(qualities: list[str]) -> None:
-    print(HEAD + "\n" + "|---" * HEAD.count(" | ") + "|---|")
-    for quality in qualities:
-        for path in sorted(BENCH.glob("*.ref.npz")):
-            print(row(path.name.removesuffix(".ref.npz"), quality), flush=True)
+class Kept:
+    """Tables in a JSON file; those of other code do not count."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._code = path, code_version()
+        self._data = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+
+    def table(self, part: str) -> Table | None:
+        found = self._data.get(part)
+        return Table(**found["table"]) if found and found["code"] == self._code else None
+
+    def keep(self, part: str, table: Table) -> None:
+        self._data[part] = {"code": self._code, "table": asdict(table)}
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        self._path.write_text(json.dumps(self._data, indent=1), encoding="utf-8")
+
+
+def text_of(tables: list[Table], machine: dict[str, str]) -> str:
+    """The table of all measures and then those of every part, as Markdown."""
+    lines = [line for table in tables for line in table.lines]
+    where = f"{machine['processor']}, {machine['cores']} cores, Python {machine['python']}, NumPy {machine['numpy']}"
+    parts = [f"## All measures\n\n{where}.\n", markdown(["measure", "asked", "found", "met"], lines) + "\n"]
+    for table in tables:
+        parts.append(f"## {table.title}\n\n{table.text}\n\n{markdown(table.head, table.rows)}\n")
+    return "\n".join(parts)
+
+
+def write(page: Path, text: str) -> None:
+    """Put ``text`` between the marks of a page. Raises ValueError when it has none."""
+    before, begin, rest = page.read_text(encoding="utf-8").partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not begin or not end:
+        raise ValueError(f"{page}: the marks {BEGIN} and {END} are missing, put them where the tables belong")
+    page.write_text(f"{before}{BEGIN}\n\n{text}\n{END}{after}", encoding="utf-8")
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:] or ["good"])
+    sys.exit(main(sys.argv[1:]))

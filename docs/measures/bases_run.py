@@ -1,0 +1,65 @@
+"""One solve with a given basis at a quality between draft and fine, as a program of its own: prints a JSON object.
+
+    python -m enfilade.docs.measures.bases_run SCENE ORDER STEP
+
+STEP is 0 for draft, 1 for good, 2 for fine, anything between for tolerances between. The reflected light is that of the elements.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import fields, replace
+
+import numpy as np
+
+from ...core import quality
+from ...core.options import Options
+from ...core.quality import Tolerances
+from ...core.regions import Regions
+from ..bench import Bench
+from ..processes import cpu_seconds
+from .witness import solve_and_keep, tolerances
+
+QUALITIES = ("draft", "good", "fine")
+
+
+def between(step: float) -> Callable[[Tolerances, Regions], Tolerances]:
+    """Tolerances at ``step``, from those of the qualities on either side."""
+
+    def change(usual: Tolerances, regions: Regions) -> Tolerances:
+        low = min(int(step), len(QUALITIES) - 2)
+        sides = [_usual(Options(quality=QUALITIES[low + k]), regions) for k in (0, 1)]
+        share = step - low
+        values = {f.name: getattr(sides[0], f.name) ** (1 - share) * getattr(sides[1], f.name) ** share for f in fields(Tolerances)}
+        return replace(usual, **values | {"rays": round(values["rays"])})
+
+    return change
+
+
+_usual = quality.tolerances
+
+
+def main(name: str, order: int, step: float) -> dict:
+    """CPU seconds, memory of elements and links, and errors."""
+    bench = Bench(name)
+    started = cpu_seconds()
+    with tolerances(between(step)):
+        solved = solve_and_keep(bench.scene, Options(order=order, reflected="elements", threads=1))
+    light = solved.solution.irradiance(bench.scene.points.position, bench.scene.points.polygon)
+    links = sum(group.exchange.nbytes + group.a.nbytes + group.b.nbytes for group in solved.links)
+    # What every element holds of light while it is shot: at its nodes twice, and its coefficients, in three channels of float32.
+    forest = solved.forest
+    each = 12 * (2 * forest.functions + forest.node_count + 1) + forest.nodes[0].nbytes + forest.node_weights[0].nbytes
+    return {
+        "cpu_seconds": cpu_seconds() - started,
+        "light_bytes": links + each * len(forest),
+        "elements": len(forest),
+        "score": bench.score(np.asarray(light)),
+    }
+
+
+if __name__ == "__main__":
+    scene, order, step = sys.argv[1:]
+    print(json.dumps(main(scene, int(order), float(step))), flush=True)
