@@ -11,6 +11,7 @@ import numpy as np
 from . import escape, links, ordering, quality, stages
 from .elements import Forest
 from .emitters import emitters_of
+from .lamp_power import entered_power, idle_lamps, lamp_power
 from .light_sources import light_sources
 from .options import Options
 from .progress import Progress, TimeLeft
@@ -81,7 +82,8 @@ def _steps(scene: Scene, options: Options, desk: Workspace) -> Generator[Progres
     sets = ordering.visible_sets(building.graph, clusters.polygons, unit, units)
     strategy = ordering.STRATEGIES[options.ordering](sets)
     routes = stages.routes_of(linked.links, emitters, space)
-    shooter = Shooter(forest, routes, emitters, light, gain, emitted_power(building), space)
+    emitted = emitted_power(building) + lamp_power(scene.lamps) + entered_power(building, forest, lamps, light, desk.crew)
+    shooter = Shooter(forest, routes, emitters, light, gain, emitted, space)
     radiosity = yield from stages.shoot(
         shooter, strategy, rng, limits.unshot, options, desk, lambda: so_far(forest, light, shooter.so_far())
     )
@@ -89,8 +91,8 @@ def _steps(scene: Scene, options: Options, desk: Workspace) -> Generator[Progres
 
     irradiance = light + radiosity.irradiance
     escaped = escape.escaped_power(building, forest, irradiance, lost, desk.crew)
-    report = report_of(scene.polygon_count, building, forest, linked, radiosity, irradiance, closed, escaped)
-    report |= {"shadow_tests": linked.shadow_tests, "warnings": findings, "disk": shooter.disk()}
+    report = report_of(scene.polygon_count, building, forest, linked, radiosity, irradiance, closed, emitted, escaped)
+    report |= {"shadow_tests": linked.shadow_tests, "warnings": findings + idle_lamps(building, scene.lamps, lamps), "disk": shooter.disk()}
     report["solve_seconds"] = {part: clock.seconds.pop(part) for part in PARTS}
     report["seconds"] = clock.seconds
     rays = 0 if options.reflected == "elements" else limits.rays

@@ -20,16 +20,17 @@ def report_of(
     radiosity: Radiosity,
     irradiance: np.ndarray,
     closed: np.ndarray,
+    emitted: float,
     escaped: float,
 ) -> dict:
     """irradiance : (E, m, 3) of every element, direct and reflected, W/m2;  closed : (R,) bool of every room
+    emitted : W of surfaces, of lamps, and of what enters from outside;  escaped : W that leaves again
 
     Powers are sums over the three channels, W. ``residual_bound`` (W/m2) bounds what the unshot light can still add anywhere,
     ``dropped_bound`` (W) the light of exchanges too small to be linked.
     """
     regions, graph = building.regions, building.graph
     roots = np.arange(len(regions))
-    emitted = emitted_power(building)
     absorbed = ((1 - regions.reflectance) * regions.area[:, None] * forest.mean(roots, irradiance[roots])).sum()
     brightest = float(regions.reflectance.max(initial=0.0))
     return {
