@@ -32,7 +32,7 @@ DOUBT = np.array([(0.16, 0.42, 0.30), (0.45, 0.68, 0.35), (0.94, 0.82, 0.30), (0
 """From a small estimated error to a large one; display colours."""
 
 UNKNOWN = (0.45, 0.45, 0.48)
-LINE = 0.05
+LINE = 0.03
 """Width of the lines around elements, as a part of the way to the middle of the element."""
 LIFT = 2e-3
 """Such lines lie this far before their surface, metres."""
@@ -88,10 +88,10 @@ def error_content(light: SolvedLight) -> Content:
     color = np.where(known[:, None], _mapped(scaled, DOUBT), UNKNOWN)[mesh.element]
     area = np.linalg.norm(np.cross(mesh.corner[:, 1] - mesh.corner[:, 0], mesh.corner[:, 2] - mesh.corner[:, 0]), axis=1)
     weight = np.bincount(mesh.element, area, len(mesh.error))
-    mean = math.sqrt(float(np.average(mesh.error[known] ** 2, weights=weight[known]))) if known.any() else 0.0
+    half, most = (100 * _weighted_quantile(mesh.error[known], weight[known], share) for share in (0.5, 0.9))
     ticks = tuple((k / 5, f"{100 * MOST_ERROR * k / 5:.0f} %{' and more' if k == 5 else ''}") for k in range(6))
     return Content(
-        f"Estimated error of the elements: {100 * mean:.2g} % of the mean of their rooms",
+        f"Estimated error: half of the surface within {half:.2g} % of the mean light of its room, nine tenths within {most:.2g} %",
         (_triangles(light, mesh.corner, np.repeat(color[:, None], 3, axis=1)), _rims(light)),
         ((UNKNOWN, "surfaces of one element: nothing to compare"),) if not known.all() else (),
         Scale(_mapped(np.linspace(0.0, 1.0, 96), DOUBT), ticks, "%"),

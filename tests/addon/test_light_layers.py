@@ -117,7 +117,12 @@ def test_errors_are_coloured_by_their_size(shop, baked):
     where, beside = places(color[known], DOUBT)
     assert beside.max() < 0.01
     assert where == pytest.approx(np.clip(error[known] / 0.1, 0, 1), abs=2e-3)
-    assert "% of the mean" in content().title
+    size = np.linalg.norm(np.cross(mesh.corner[:, 1] - mesh.corner[:, 0], mesh.corner[:, 2] - mesh.corner[:, 0]), axis=1)
+    half = (
+        100
+        * error[known][np.argsort(error[known])][np.searchsorted(np.cumsum(size[known][np.argsort(error[known])]) / size[known].sum(), 0.5)]
+    )
+    assert f"half of the surface within {half:.2g} %" in content().title
 
 
 def test_lengths_are_in_the_units_of_the_scene(shop, baked):
