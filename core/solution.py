@@ -22,6 +22,9 @@ from .scene import Scene
 EDGE = 1e-4
 """Points on the edge of a polygon are moved in by this part of its region's size: on the edge itself light is undefined."""
 
+RAYS_ABOVE = 384
+"""Rays that gather the reflected light of points in the open space where none are asked for on surfaces."""
+
 
 @dataclass(frozen=True)
 class Light:
@@ -77,6 +80,16 @@ class Solution:
         return self._forest
 
     @property
+    def scene(self) -> Scene:
+        """What was solved."""
+        return self._scene
+
+    @property
+    def building(self) -> Building:
+        """Its surfaces, clusters and rooms, as they were for the solver."""
+        return self._building
+
+    @property
     def light(self) -> Light:
         """The light on the elements, as arrays."""
         forest = self._forest
@@ -102,19 +115,30 @@ class Solution:
         uv = regions.local(region, np.asarray(points, np.float64)[valid])
         uv = _inside(uv, regions.size[region])
         position = regions.world(region, uv).astype(np.float32)
-        if self._rays:
-            light = np.zeros((len(region), 3), np.float32)
-            reflected = gather(self._building, self._exitance_map(), position, region, self._rays, self._crew)
-        else:
-            light, reflected = self._smooth(region, uv), ()
+        light = np.zeros((len(region), 3), np.float32) if self._rays else self._smooth(region, uv)
+        yield from self._arriving(position, region, self._rays, light)
+        self.report["clamped_values"] += int((light < 0).sum())
+        out[valid] = np.maximum(light, 0)
+
+    def irradiance_above_steps(self, points: np.ndarray, polygon: np.ndarray, out: np.ndarray) -> Iterator[float]:
+        """Irradiance (N, 3) on small planes at points (N, 3) of the open space, parallel to ``polygon`` (N,), into ``out``.
+
+        All points of a polygon lie at one height over it, in its room. Yields the share of the work done.
+        """
+        regions = self._building.regions
+        region = regions.polygon_region[np.asarray(polygon, np.int64)].astype(np.int64)
+        position = (np.asarray(points, np.float64) - regions.centre).astype(np.float32)
+        yield from self._arriving(position, region, self._rays or RAYS_ABOVE, out)
+
+    def _arriving(self, position: np.ndarray, region: np.ndarray, rays: int, light: np.ndarray) -> Iterator[float]:
+        """Add the direct light, and with ``rays`` the reflected light, to ``light`` (n, 3) of points facing as ``region`` (n,)."""
+        reflected = gather(self._building, self._exitance_map(), position, region, rays, self._crew) if rays else ()
         direct = direct_light(self._building, self._kinds, position, region, self._crew)
-        done, whole = 0, max(len(valid), 1) * (2 if self._rays else 1)
+        done, whole = 0, max(len(region), 1) * (2 if rays else 1)
         for part in chain(direct, reflected):
             light[part.index] += part.irradiance
             done += len(part.index)
             yield done / whole
-        self.report["clamped_values"] += int((light < 0).sum())
-        out[valid] = np.maximum(light, 0)
 
     def _exitance_map(self) -> ExitanceMap:
         """Made at its first use."""
