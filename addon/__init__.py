@@ -17,6 +17,8 @@ from . import (
     overlay_panel,
     panel,
     portal_operators,
+    preferences,
+    presets,
     properties,
     roles,
     room_operators,
@@ -25,6 +27,7 @@ from . import (
 )
 
 MODULES = (
+    preferences,
     properties,
     roles,
     viewport,
@@ -36,6 +39,7 @@ MODULES = (
     overlay_operators,
     room_operators,
     gltf_operators,
+    presets,
     panel,
     setup_panel,
     check_operators,

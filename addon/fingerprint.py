@@ -16,8 +16,9 @@ import numpy as np
 
 from ..core.options import BakeOptions, Options
 from .fine_mesh import COLLECTION
-from .membership import chosen_collections, rendered_objects
+from .membership import rendered_objects
 from .mesh_arrays import bulk
+from .roles import chosen_collections, portal_objects
 
 _IDLE = ("threads", "store", "memory", "ordering")
 """Options that change no light."""
@@ -62,8 +63,7 @@ def fingerprinting(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, opti
 def _all_objects(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> list[bpy.types.Object]:
     """What takes part, the portals, and what instances show, each once."""
     found = dict.fromkeys(rendered_objects(view_layer))
-    portals = chosen_collections(scene)[1]
-    found.update(dict.fromkeys(portals.all_objects if portals is not None else ()))
+    found.update(dict.fromkeys(portal_objects(scene)))
     for thing in list(found):
         if thing.instance_type == "COLLECTION" and thing.instance_collection is not None:
             found.update(dict.fromkeys(thing.instance_collection.all_objects))

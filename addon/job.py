@@ -28,6 +28,7 @@ from .fingerprint import fingerprint
 from .light_layers import SolvedLight
 from .membership import everything_evaluated
 from .mesh_arrays import bulk
+from .preferences import on_this_machine
 from .preview import Previews
 from .properties import read_options, write_options
 
@@ -39,6 +40,7 @@ SOLVE_SHARE = {"vertex": 0.75, "texture": 0.15}
 class Reading:
     """What was read: the scene of the solver, the objects that will carry light, all options and warnings.
 
+    options : as the user chose them;  solving : as they are solved with, what was left open decided
     rooms : names of the rooms whose light is wanted, empty for all;  fingerprint : of the scene as it was read
     """
 
@@ -46,6 +48,7 @@ class Reading:
     extraction: Extraction
     receivers: tuple[Receiver, ...]
     options: Options
+    solving: Options
     bake: BakeOptions
     warnings: tuple[str, ...]
     rooms: tuple[str, ...] = ()
@@ -116,7 +119,8 @@ def read(context: bpy.types.Context, options: Options, bake: BakeOptions, rooms:
     if not receivers:
         raise SceneError("no object can carry the light: " + (warnings[-1] if warnings else "the scene has no mesh objects of its own"))
     made_from = fingerprint(context.scene, context.view_layer, options, bake)
-    return Reading(context.scene.name, extraction, tuple(receivers), options, bake, tuple(warnings), tuple(rooms), made_from)
+    solving = on_this_machine(_suited(options, bake))
+    return Reading(context.scene.name, extraction, tuple(receivers), options, solving, bake, tuple(warnings), tuple(rooms), made_from)
 
 
 def _wanted(extraction: Extraction, bake: BakeOptions, rooms: Sequence[str]) -> tuple[Receiver, ...]:
@@ -191,7 +195,7 @@ def work(
     pages, names, warnings = _plan(reading, carriers) if bake.target == "texture" else ((), (), [])
 
     share = SOLVE_SHARE[bake.target]
-    solver = run(scene, _suited(reading.options, reading.bake))
+    solver = run(scene, reading.solving)
     try:
         while True:
             progress = next(solver)

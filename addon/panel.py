@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from . import operators, outdated, viewport
+from .presets import ENFILADE_PT_presets
 from .setup_panel import draw_setup
 
 
@@ -54,6 +55,9 @@ class ENFILADE_PT_render(_RenderPanel, bpy.types.Panel):
     """Bakes the light of a building."""
 
     bl_label = "Enfilade"
+
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        ENFILADE_PT_presets.draw_panel_header(self.layout)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
