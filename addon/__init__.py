@@ -23,10 +23,12 @@ from . import (
     roles,
     room_operators,
     setup_panel,
+    translations,
     viewport,
 )
 
 MODULES = (
+    translations,
     preferences,
     properties,
     roles,
