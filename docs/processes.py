@@ -12,24 +12,28 @@ import tempfile
 import threading
 import time
 from pathlib import Path
+from typing import IO
+
+from ..core.memory import peak_bytes
 
 PERIOD = 0.05
-"""Seconds between two looks at the memory of a run."""
+"""Seconds between two looks at the memory of a run, more where a look takes long."""
+LONGEST = 0.3
 
 
 class RunError(RuntimeError):
     """A run that did not end as it should; the message holds the last lines that it wrote."""
 
 
-def run_module(module: str, *arguments: object) -> dict:
+def run_module(module: str, *arguments: object, err: IO | None = None) -> dict:
     """Run a module of the package as a program and return the JSON object on the last line of its output.
 
     ``peak_bytes`` in it is the most memory that the process and its children held at one time, or what the run itself says where
-    that is more. Raises :class:`RunError`.
+    that is more. What it says on standard error goes to ``err``, if somebody is there to read it. Raises :class:`RunError`.
     """
     command = [sys.executable, "-m", module, *map(str, arguments)]
-    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
-        process = subprocess.Popen(command, stdout=out, stderr=err)
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as errors:
+        process = subprocess.Popen(command, stdout=out, stderr=err or errors)
         watch = _Watch(process.pid)
         try:
             code = process.wait()
@@ -40,10 +44,10 @@ def run_module(module: str, *arguments: object) -> dict:
         finally:
             peak = watch.stop()
         out.seek(0)
-        err.seek(0)
+        errors.seek(0)
         lines = [line for line in out.read().decode(errors="replace").splitlines() if line.startswith("{")]
         if code or not lines:
-            last = err.read().decode(errors="replace").strip().splitlines()[-5:]
+            last = errors.read().decode(errors="replace").strip().splitlines()[-5:]
             raise RunError(f"{module} {' '.join(map(str, arguments))} ended with {code}: " + " / ".join(last))
     result = json.loads(lines[-1])
     return result | {"peak_bytes": max(peak, result.get("peak_bytes", 0))}
@@ -62,7 +66,7 @@ class _Watch(threading.Thread):
             started = time.perf_counter()
             self._peak = max(self._peak, sum(map(_resident, _family(self._pid))))
             # A look takes the longer the more memory there is: it shall not take part in what it measures.
-            self._over.wait(20 * (time.perf_counter() - started))
+            self._over.wait(min(20 * (time.perf_counter() - started), LONGEST))
 
     def stop(self) -> int:
         self._over.set()
@@ -87,6 +91,15 @@ def _resident(pid: int) -> int:
     except OSError:
         return 0
     return sum(1024 * int(line.split()[1]) for line in text.splitlines() if line.startswith("Pss:"))
+
+
+def own_peak_bytes() -> int:
+    """Most memory that this process has held, in bytes; not, as the system also counts it, what its parent held when it began."""
+    try:
+        lines = Path("/proc/self/status").read_text().splitlines()
+    except OSError:
+        return peak_bytes()
+    return next(1024 * int(line.split()[1]) for line in lines if line.startswith("VmHWM:"))
 
 
 def cpu_seconds() -> float:

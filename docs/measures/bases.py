@@ -8,6 +8,7 @@ from ...core.options import Options, describe
 from ..processes import run_module
 from .errors import percent
 from .tables import Table, met
+from .witness import WAYS
 
 STEPS = (0.0, 0.5, 1.0, 1.5, 2.0)
 """Qualities to sweep: 0 draft, 1 good, 2 fine; tolerances between two of them are their geometric mean."""
@@ -16,9 +17,9 @@ GRID = 5
 """Times, and sizes, at which the bases are compared: evenly over the logarithms that all three reach."""
 
 TEXT = """\
-Relative RMSE of the light of the elements (option `reflected=elements`, so that the basis speaks for itself), read at equal CPU
-seconds and at equal memory off curves through five qualities from draft to fine, tolerances in geometric steps. Over all rows, the error
-over that of the best basis of the row is"""
+Relative RMSE at equal CPU seconds and at equal memory, read off curves through five qualities from draft to fine, tolerances in
+geometric steps: with the reflected light gathered by rays from the elements, and with that of the elements themselves, where
+the basis speaks alone. Over all rows, the error over that of the best basis of the row is"""
 
 
 def measure(quick: bool) -> Table:
@@ -28,26 +29,38 @@ def measure(quick: bool) -> Table:
     rows, ranks = [], {order: [] for order in ORDERS}
     for name in scenes:
         runs = {order: [run_module("enfilade.docs.measures.bases_run", name, order, step) for step in steps] for order in ORDERS}
-        for cost, unit in (("cpu_seconds", "s"), ("light_bytes", "MB")):
-            scale = 1e-6 if unit == "MB" else 1.0
-            curves = {order: [(r[cost] * scale, r["score"]["rmse"], r["score"]["dark_rmse"]) for r in runs[order]] for order in ORDERS}
-            low = max(min(c[0] for c in curve) for curve in curves.values())
-            high = min(max(c[0] for c in curve) for curve in curves.values())
-            for at in np.geomspace(low, high, GRID) if high > low else [low]:
-                errors = {order: error_at(curve, at) for order, curve in curves.items()}
-                best = min(errors.values())
-                for order, found in errors.items():
-                    ranks[order].append(found / best)
-                dark = [error_at([(c[0], c[2]) for c in curves[o]], at) if curves[o][0][2] is not None else None for o in ORDERS]
-                rows.append([name, f"{at:.3g} {unit}", *(percent(errors[o]) for o in ORDERS), *map(percent, dark)])
+        for way in WAYS:
+            for unit in ("s", "MB"):
+                curves = {order: [_point(r, way, unit) for r in runs[order]] for order in ORDERS}
+                low = max(min(c[0] for c in curve) for curve in curves.values())
+                high = min(max(c[0] for c in curve) for curve in curves.values())
+                for at in np.geomspace(low, high, GRID) if high > low else [low]:
+                    errors = [error_at(curves[order], at) for order in ORDERS]
+                    for order, found in zip(ORDERS, errors, strict=True):
+                        ranks[order].append(found / min(errors))
+                    lit = curves[1][0][2] is None
+                    dark = [None if lit else error_at([(c[0], c[2]) for c in curves[order]], at) for order in ORDERS]
+                    rows.append([name, way, f"{at:.3g} {unit}", *map(percent, errors), *map(percent, dark)])
     mean = {order: float(np.exp(np.mean(np.log(r)))) for order, r in ranks.items()}
     best = min(mean, key=mean.get)
-    head = ["scene", "CPU seconds, or memory of elements and links", *(f"M{o}" for o in ORDERS), *(f"M{o}, no lamp" for o in ORDERS)]
+    head = [
+        "scene",
+        "reflected light",
+        "CPU seconds, or memory of elements and links",
+        *(f"M{o}" for o in ORDERS),
+        *(f"M{o}, no lamp" for o in ORDERS),
+    ]
     ratios = ", ".join(f"{mean[order]:.2f} for M{order}" for order in ORDERS)
     verdict = "and is the default" if best == default else f"the default is M{default}"
     text = f"{TEXT} {ratios} (geometric means): M{best} is best, {verdict}."
     lines = [["default basis is the best of M1, M2, M3 at equal time and memory", f"M{best}", f"M{default}", met(best == default)]]
     return Table("Bases", text, head, rows, lines)
+
+
+def _point(run: dict, way: str, unit: str) -> tuple[float, float, float | None]:
+    """CPU seconds or MB, and errors over all points and in rooms with no lamp."""
+    found = run["ways"][way]
+    return found["cpu_seconds"] if unit == "s" else run["light_bytes"] / 1e6, found["score"]["rmse"], found["score"]["dark_rmse"]
 
 
 def error_at(curve: list[tuple], cost: float) -> float:

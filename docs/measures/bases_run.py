@@ -2,7 +2,7 @@
 
     python -m enfilade.docs.measures.bases_run SCENE ORDER STEP
 
-STEP is 0 for draft, 1 for good, 2 for fine, anything between for tolerances between. The reflected light is that of the elements.
+STEP is 0 for draft, 1 for good, 2 for fine, anything between for tolerances between.
 """
 
 from __future__ import annotations
@@ -12,15 +12,13 @@ import sys
 from collections.abc import Callable
 from dataclasses import fields, replace
 
-import numpy as np
-
 from ...core import quality
 from ...core.options import Options
 from ...core.quality import Tolerances
 from ...core.regions import Regions
 from ..bench import Bench
 from ..processes import cpu_seconds
-from .witness import solve_and_keep, tolerances
+from .witness import WAYS, light_of, solve_and_keep, tolerances
 
 QUALITIES = ("draft", "good", "fine")
 
@@ -42,21 +40,24 @@ _usual = quality.tolerances
 
 
 def main(name: str, order: int, step: float) -> dict:
-    """CPU seconds, memory of elements and links, and errors."""
+    """CPU seconds of the solve with each way to the light at the points, memory of elements and links, and errors of each way."""
     bench = Bench(name)
     started = cpu_seconds()
     with tolerances(between(step)):
-        solved = solve_and_keep(bench.scene, Options(order=order, reflected="elements", threads=1))
-    light = solved.solution.irradiance(bench.scene.points.position, bench.scene.points.polygon)
+        solved = solve_and_keep(bench.scene, Options(order=order, reflected="gathered", threads=1))
+    seconds, ways = cpu_seconds() - started, {}
+    for way in WAYS:
+        started = cpu_seconds()
+        light = light_of(solved.solution, bench.scene.points, way)
+        ways[way] = {"cpu_seconds": seconds + cpu_seconds() - started, "score": bench.score(light)}
     links = sum(group.exchange.nbytes + group.a.nbytes + group.b.nbytes for group in solved.links)
     # What every element holds of light while it is shot: at its nodes twice, and its coefficients, in three channels of float32.
     forest = solved.forest
     each = 12 * (2 * forest.functions + forest.node_count + 1) + forest.nodes[0].nbytes + forest.node_weights[0].nbytes
     return {
-        "cpu_seconds": cpu_seconds() - started,
         "light_bytes": links + each * len(forest),
         "elements": len(forest),
-        "score": bench.score(np.asarray(light)),
+        "ways": ways,
     }
 
 

@@ -9,7 +9,7 @@ from ...core.occlusion import first_hits, kronecker
 from ...core.options import Options
 from ..bench import Bench
 from .tables import Table, met
-from .witness import Solved, solve_and_keep
+from .witness import WAYS, Solved, light_of, solve_and_keep
 
 RAYS = 1 << 16
 """Rays that tell how much of the light of one shooter is lost: a thousandth of its power and better."""
@@ -24,7 +24,7 @@ def measure(quick: bool) -> Table:
         shot, arrived, lost = balance(solved)
         error = np.abs(shot - arrived - lost) / shot
         exact, fitted = asymmetry(solved)
-        light = {way: _light(bench, solved, way) for way in ("gathered", "elements")}
+        light = {way: _light(bench, solved, way) for way in WAYS}
         negative = sum(int((e < 0).sum()) for e, _ in light.values())
         count = ", ".join(f"{n} {way}" for way, (_, n) in light.items())
         share = f"{float(lost.sum() / shot.sum()):.2%}"
@@ -139,11 +139,7 @@ def _weights(forest, elements: np.ndarray, nodes: int) -> np.ndarray:
 
 def _light(bench: Bench, solved: Solved, way: str) -> tuple[np.ndarray, int]:
     """Irradiance at the points of the scene, and how many of its values were set to zero."""
-    solution = solved.solution
-    rays = solution._rays
-    if way == "elements":
-        solution._rays = 0
-    before = solution.report["clamped_values"]
-    light = solution.irradiance(bench.scene.points.position, bench.scene.points.polygon)
-    solution._rays = rays
-    return light, solution.report["clamped_values"] - before
+    report = solved.solution.report
+    before = report["clamped_values"]
+    light = light_of(solved.solution, bench.scene.points, way)
+    return light, report["clamped_values"] - before

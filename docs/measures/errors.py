@@ -30,7 +30,8 @@ def measure(quick: bool) -> Table:
         "less); the same in rooms "
         "that have no lamp, where no lamp shines. *Energy accounted for* is (absorbed + escaped) / emitted, where what escapes is"
         " measured by rays "
-        "that know nothing of the solution. *Bytes an element*: peak memory less what the interpreter and NumPy take."
+        "that know nothing of the solution. "
+        "*Bytes an element*: peak memory, that of worker processes with it, less what the process held before the solve."
     )
     return Table(
         "Errors on the bench scenes", text, [*head, "energy accounted for", "seconds", "peak memory", "bytes an element"], rows, lines

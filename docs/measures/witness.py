@@ -20,7 +20,7 @@ from ...core.links import LinkSet
 from ...core.options import Options
 from ...core.quality import Tolerances
 from ...core.regions import Regions
-from ...core.scene import Scene
+from ...core.scene import EvaluationPoints, Scene
 from ...core.solution import Solution
 
 
@@ -50,6 +50,20 @@ def solve_and_keep(scene: Scene, options: Options) -> Solved:
 
     with patch.object(pipeline.links, "closing_gain", closing_gain), patch.object(pipeline, "light_sources", light_sources):
         return Solved(pipeline.solve(scene, options), **kept)
+
+
+WAYS = ("gathered", "elements")
+"""Ways from a solution to the reflected light at a point, as the option ``reflected`` names them."""
+
+
+def light_of(solution: Solution, points: EvaluationPoints, way: str) -> np.ndarray:
+    """(N, 3) irradiance at points by either way, from a solution that was made for the first."""
+    rays = solution._rays
+    solution._rays = 0 if way == "elements" else rays
+    try:
+        return solution.irradiance(points.position, points.polygon)
+    finally:
+        solution._rays = rays
 
 
 @contextmanager

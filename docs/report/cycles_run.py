@@ -14,9 +14,8 @@ import time
 
 import bpy
 
-from ...core.memory import peak_bytes
 from ..bench import Bench
-from ..processes import cpu_seconds
+from ..processes import cpu_seconds, own_peak_bytes
 from . import cycles_scene
 
 
@@ -41,7 +40,7 @@ def main(name: str, way: str, samples: int, fineness: float, threads: int) -> di
         "size": receiver.size,
         "score": bench.score(receiver.read()),
         "blender": bpy.app.version_string,
-        "peak_bytes": peak_bytes(),
+        "peak_bytes": own_peak_bytes(),
     }
     if receiver.smoothed:
         started, cpu = time.perf_counter(), cpu_seconds()

@@ -11,16 +11,15 @@ import json
 import sys
 import time
 
-from ...core.memory import peak_bytes
 from ...core.options import Options
 from ...core.pipeline import solve
 from ..bench import Bench
-from ..processes import cpu_seconds
+from ..processes import cpu_seconds, own_peak_bytes
 
 
 def main(name: str, quality: str, threads: int) -> dict:
     """Seconds by stage, what was made, and errors; ``start_bytes`` is the memory before the solve, with the scene in it."""
-    bench, start_bytes = Bench(name), peak_bytes()
+    bench, start_bytes = Bench(name), own_peak_bytes()
     started, cpu = time.perf_counter(), cpu_seconds()
     solution = solve(bench.scene, Options(quality=quality, threads=threads))
     solved = time.perf_counter()
@@ -37,7 +36,7 @@ def main(name: str, quality: str, threads: int) -> dict:
         "energy": report["energy"],
         "clamped_values": report["clamped_values"],
         "score": bench.score(light),
-        "peak_bytes": peak_bytes(),
+        "peak_bytes": own_peak_bytes(),
         "start_bytes": start_bytes,
     }
 

@@ -57,7 +57,7 @@ def test_every_scene_is_there_with_its_reference(name):
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="memory of running processes is read from /proc")
 def test_a_run_tells_its_result_and_its_most_memory(programs):
-    text = "import json, sys, time\nx = b'1' * 200_000_000\ntime.sleep(0.3)\ndel x\nprint('words')\nprint(json.dumps({'a': sys.argv[1:]}))"
+    text = "import json, sys, time\nx = b'1' * 200_000_000\ntime.sleep(1)\ndel x\nprint('words')\nprint(json.dumps({'a': sys.argv[1:]}))"
     (programs / "hungry.py").write_text(text)
     result = run_module("hungry", 1, "two")
     assert result["a"] == ["1", "two"]

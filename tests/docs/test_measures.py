@@ -132,7 +132,8 @@ def test_errors_at_equal_cost_are_read_off_curves():
     assert bases.error_at([(1, 0.1), (100, 0.001)], 10) == pytest.approx(0.01)
     assert bases.error_at([(1, 0.1), (10, 0.2), (100, 0.001)], 10) == pytest.approx(0.1)
     result = bases_run.main("furnace", 1, 0.0)
-    assert result["score"]["rmse"] < 0.05
+    assert all(found["score"]["rmse"] < 0.05 and found["cpu_seconds"] > 0 for found in result["ways"].values())
+    assert result["ways"]["gathered"]["score"] != result["ways"]["elements"]["score"]
     assert result["light_bytes"] > 0
 
 
