@@ -1,7 +1,8 @@
 """All measures of accuracy, in one table: ``python -m enfilade.docs.measure [--quick] [PART ...]``.
 
 Writes the tables into docs/accuracy.md, between its two marks. What a part gave is kept in out/measures.json until the code changes,
-so that a run that was interrupted goes on where it was. ``--quick`` takes minutes, for a look: it prints and writes nothing.
+so that a run that was interrupted goes on where it was. The page is written when all parts are there; some alone are printed, as is
+what ``--quick`` finds, which takes minutes.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ def main(arguments: list[str]) -> int:
             print(f"measuring {part}", file=sys.stderr, flush=True)
             kept.keep(part, importlib.import_module(f".measures.{part}", __package__).measure(given.quick))
     tables = [table for part in PARTS if (table := kept.table(part))]
-    if given.quick:
+    if given.quick or len(tables) < len(PARTS):
         print(text_of(tables, machine()))
     else:
         write(PAGE, text_of(tables, machine()))
