@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import atexit
+
 import bpy  # noqa: F401  # its other modules, such as bmesh, can be imported only after it
 
 from . import (
@@ -55,9 +57,12 @@ def register() -> None:
     """Make the properties, operators, panels and the command known to Blender."""
     for module in MODULES:
         module.register()
+    # In plain Python nobody disables an extension before the end, and some versions of bpy crash on what is still registered then.
+    atexit.register(unregister)
 
 
 def unregister() -> None:
     """Take everything back, in the opposite order."""
+    atexit.unregister(unregister)
     for module in reversed(MODULES):
         module.unregister()

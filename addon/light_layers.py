@@ -32,7 +32,7 @@ DOUBT = np.array([(0.16, 0.42, 0.30), (0.45, 0.68, 0.35), (0.94, 0.82, 0.30), (0
 """From a small estimated error to a large one; display colours."""
 
 UNKNOWN = (0.45, 0.45, 0.48)
-LINE = 0.03
+LINE = 0.045
 """Width of the lines around elements, as a part of the way to the middle of the element."""
 LIFT = 2e-3
 """Such lines lie this far before their surface, metres."""

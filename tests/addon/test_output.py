@@ -128,7 +128,7 @@ def test_no_light_comes_through_a_wall_into_a_texture(shop, thickness):
 def test_no_light_comes_through_a_wall_into_vertex_colours(shop):
     from enfilade.core.pipeline import run
 
-    room, _ = divided_room(shop, 0.1)
+    divided_room(shop, 0.1)
     shop.bake(solver=run, options=Options(quality="draft"), subdivide=0.4, quantity="lighting")
     copy = shop.bpy.data.objects["Shell (bake)"]
     place, color = shop.corners(copy), shop.colors(copy)[:, :3].mean(1)
