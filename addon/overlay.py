@@ -13,9 +13,10 @@ from mathutils import Matrix
 from .overlay_layers import Content, Layer, Scale
 
 TOWARDS_EYE = 5e-4
-"""Part of its distance by which a drawing comes closer than the surface that it lies on."""
+"""Part of its distance by which a drawing comes closer than the surface that it lies on; lines come three times as much closer."""
 
 _content: Content | None = None
+_shown_by = ""
 _handles: list = []
 _batches: dict[int, tuple] = {}
 
@@ -25,11 +26,16 @@ def content() -> Content | None:
     return _content
 
 
-def show(new: Content) -> None:
-    """Draw this in all viewports, in the place of what was drawn before."""
-    global _content
+def shown_by() -> str:
+    """The button that had drawn what is drawn now, as ``enfilade.show_clusters``; empty where nothing is, or no button had."""
+    return _shown_by if _content is not None else ""
+
+
+def show(new: Content, by: str = "") -> None:
+    """Draw this in all viewports, in the place of what was drawn before; ``by`` is the button that asks for it."""
+    global _content, _shown_by
     hide()
-    _content = new
+    _content, _shown_by = new, by
     if not bpy.app.background:
         space = bpy.types.SpaceView3D
         _handles.append(space.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW"))
@@ -62,20 +68,23 @@ def _draw() -> None:
     settings, region, eye = context.window_manager.enfilade_overlay, context.region, context.region_data
     if settings.in_front:
         gpu.state.active_framebuffer_get().clear(depth=1.0)
-    ahead = Matrix.Translation((0.0, 0.0, TOWARDS_EYE * eye.view_distance))
-    nearer = Matrix.Scale(1.0 - TOWARDS_EYE, 4) if eye.is_perspective else ahead
     gpu.state.blend_set("ALPHA")
     try:
         with gpu.matrix.push_pop():
-            gpu.matrix.load_matrix(nearer @ eye.view_matrix)
             for layer in _content.layers:
                 if getattr(settings, layer.part, True) and len(layer.position):
+                    gpu.matrix.load_matrix(_nearer(eye, TOWARDS_EYE * (3 if layer.lines else 1)) @ eye.view_matrix)
                     _draw_layer(layer, region)
     finally:
         gpu.state.depth_test_set("NONE")
         gpu.state.depth_mask_set(False)
         gpu.state.face_culling_set("NONE")
         gpu.state.blend_set("NONE")
+
+
+def _nearer(eye: bpy.types.RegionView3D, part: float) -> Matrix:
+    """Brings what is drawn closer by a part of its distance: lines on faces, and faces on surfaces, would flicker otherwise."""
+    return Matrix.Scale(1.0 - part, 4) if eye.is_perspective else Matrix.Translation((0.0, 0.0, part * eye.view_distance))
 
 
 def _draw_layer(layer: Layer, region: bpy.types.Region) -> None:

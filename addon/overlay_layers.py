@@ -183,8 +183,9 @@ def _boxes(found: Inspection, low: np.ndarray, high: np.ndarray, color: np.ndarr
 def _distinct_colors(count: int, strong: np.ndarray) -> np.ndarray:
     """(count, 3) colours whose hues are far apart for groups that follow each other; pale ones where not ``strong``."""
     hue = np.arange(count) * 0.61803398875 % 1.0
-    value = 0.95 - 0.2 * (np.arange(count) % 3 == 1)
-    return np.array([colorsys.hsv_to_rgb(h, 0.68 if s else 0.1, v) for h, v, s in zip(hue, value, strong, strict=True)]).reshape(-1, 3)
+    # A rug on a floor, both pale: they differ in lightness too.
+    value = np.where(strong, 0.95 - 0.2 * (np.arange(count) % 3 == 1), 0.98 - 0.19 * (np.arange(count) % 3))
+    return np.array([colorsys.hsv_to_rgb(h, 0.68 if s else 0.24, v) for h, v, s in zip(hue, value, strong, strict=True)]).reshape(-1, 3)
 
 
 def _outline(corners: np.ndarray) -> np.ndarray:

@@ -22,7 +22,7 @@ def _scale_changed(settings: bpy.types.PropertyGroup, context: bpy.types.Context
     """Draw the false colours anew where it is they that are drawn."""
     light, shown = last_light.of(context.scene), overlay.content()
     if light is not None and shown is not None and shown.scale is not None and shown.scale.unit == "lux":
-        overlay.show(lux_content(light, settings.lux_top, settings.lux_logarithmic))
+        overlay.show(lux_content(light, settings.lux_top, settings.lux_logarithmic), overlay.shown_by())
 
 
 class ENFILADE_PG_overlay(bpy.types.PropertyGroup):
@@ -93,7 +93,8 @@ class ENFILADE_OT_show_clusters(_Shows, bpy.types.Operator):
         found = self.read(context)
         if found is None:
             return {"CANCELLED"}
-        overlay.show(groups_content(found, groups_of(found, self.level)) if self.level else clusters_content(found))
+        content = groups_content(found, groups_of(found, self.level)) if self.level else clusters_content(found)
+        overlay.show(content, "enfilade.show_clusters")
         self.report({"INFO"}, overlay.content().title)
         return {"FINISHED"}
 
@@ -133,7 +134,7 @@ class ENFILADE_OT_show_visible(_Shows, bpy.types.Operator):
         if cluster < 0:
             self.report({"ERROR"}, f"Object '{thing.name}' is in no room: choose one that takes part in the bake")
             return {"CANCELLED"}
-        overlay.show(sight_content(found, sight_of(found, cluster)))
+        overlay.show(sight_content(found, sight_of(found, cluster)), "enfilade.show_visible")
         self.report({"INFO"}, overlay.content().title)
         return {"FINISHED"}
 
@@ -172,7 +173,7 @@ class ENFILADE_OT_pick_visible(_Shows, bpy.types.Operator):
         fronts = space.shading.show_backface_culling or context.window_manager.enfilade_overlay.in_front
         cluster = cluster_under(self._found, origin * self._found.metres_per_unit, direction, fronts)
         if cluster >= 0:
-            overlay.show(sight_content(self._found, sight_of(self._found, cluster)))
+            overlay.show(sight_content(self._found, sight_of(self._found, cluster)), "enfilade.pick_visible")
         return {"RUNNING_MODAL"}
 
     def cancel(self, context: bpy.types.Context) -> None:
@@ -194,7 +195,7 @@ class ENFILADE_OT_find_leaks(_Shows, bpy.types.Operator):
             self.report({"ERROR"}, sentence(error))
             return {"CANCELLED"}
         content = leaks_content(found)
-        overlay.show(content)
+        overlay.show(content, "enfilade.find_leaks")
         for leak in found.leaks[:MOST_NAMED]:
             names = " leaks into ".join(repr(found.scene.room_names[room]) for room in (leak.room, leak.other))
             self.report({"WARNING"}, f"{names} past the portals: close the gap or put a portal into it")
@@ -214,8 +215,8 @@ class _ShowsLight:
             return False
         return True
 
-    def show(self, content: Content) -> set[str]:
-        overlay.show(content)
+    def show(self, content: Content, by: str) -> set[str]:
+        overlay.show(content, by)
         self.report({"INFO"}, content.title)
         return {"FINISHED"}
 
@@ -228,7 +229,7 @@ class ENFILADE_OT_false_color(_ShowsLight, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         settings = context.window_manager.enfilade_overlay
-        return self.show(lux_content(last_light.of(context.scene), settings.lux_top, settings.lux_logarithmic))
+        return self.show(lux_content(last_light.of(context.scene), settings.lux_top, settings.lux_logarithmic), "enfilade.false_color")
 
 
 class ENFILADE_OT_show_elements(_ShowsLight, bpy.types.Operator):
@@ -238,7 +239,7 @@ class ENFILADE_OT_show_elements(_ShowsLight, bpy.types.Operator):
     bl_label = "Elements"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        return self.show(elements_content(last_light.of(context.scene)))
+        return self.show(elements_content(last_light.of(context.scene)), "enfilade.show_elements")
 
 
 class ENFILADE_OT_show_error(_ShowsLight, bpy.types.Operator):
@@ -248,7 +249,7 @@ class ENFILADE_OT_show_error(_ShowsLight, bpy.types.Operator):
     bl_label = "Error Estimate"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        return self.show(error_content(last_light.of(context.scene)))
+        return self.show(error_content(last_light.of(context.scene)), "enfilade.show_error")
 
 
 class ENFILADE_OT_hide_overlay(bpy.types.Operator):

@@ -24,12 +24,14 @@ class ENFILADE_PT_overlay(bpy.types.Panel):
         column = layout.column(align=True)
         settings = context.window_manager.enfilade_overlay
         row = column.row(align=True)
-        row.operator("enfilade.show_clusters", icon="OUTLINER_OB_POINTCLOUD").level = settings.level
+        clusters = _switch(row, "enfilade.show_clusters", "Show Clusters", "OUTLINER_OB_POINTCLOUD")
+        if clusters is not None:
+            clusters.level = settings.level
         row.prop(settings, "level")
         row = column.row(align=True)
         row.operator("enfilade.pick_visible", icon="EYEDROPPER", text="Pick Cluster")
-        row.operator("enfilade.show_visible", icon="OBJECT_DATA", text="Of Active")
-        column.operator("enfilade.find_leaks", icon="ERROR")
+        _switch(row, "enfilade.show_visible", "Of Active", "OBJECT_DATA")
+        _switch(column, "enfilade.find_leaks", "Find Leaks", "ERROR")
         _draw_light(layout, settings)
         layout.operator("enfilade.hide_overlay", icon="HIDE_ON")
         if overlay.content() is None:
@@ -44,13 +46,21 @@ class ENFILADE_PT_overlay(bpy.types.Panel):
         column.prop(settings, "in_front")
 
 
+def _switch(layout: bpy.types.UILayout, name: str, text: str, icon: str) -> bpy.types.OperatorProperties | None:
+    """A button that shows something; while that is shown it is pressed in, and takes it away."""
+    if overlay.shown_by() == name:
+        layout.operator("enfilade.hide_overlay", text=text, icon=icon, depress=True)
+        return None
+    return layout.operator(name, text=text, icon=icon)
+
+
 def _draw_light(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
     """What the last bake found."""
     column = layout.column(align=True)
-    column.operator("enfilade.false_color", icon="COLOR")
+    _switch(column, "enfilade.false_color", "False Colour", "COLOR")
     row = column.row(align=True)
-    row.operator("enfilade.show_elements", icon="MOD_TRIANGULATE", text="Elements")
-    row.operator("enfilade.show_error", icon="SEQ_HISTOGRAM", text="Error")
+    _switch(row, "enfilade.show_elements", "Elements", "MOD_TRIANGULATE")
+    _switch(row, "enfilade.show_error", "Error", "SEQ_HISTOGRAM")
     drawn = overlay.content()
     if drawn is not None and drawn.scale is not None and drawn.scale.unit == "lux":
         row = column.row(align=True)

@@ -98,7 +98,7 @@ class ENFILADE_OT_find_rooms(bpy.types.Operator):
             self.report({"WARNING"}, f"'{names[gap.room]}' leaks: a gap of about {gap.width:.1f} m to the outside has no portal")
         cut = f", {len(done.cut)} cut apart" if done.cut else ""
         self.report({"INFO"}, f"{len(names)} room{'s' * (len(names) != 1)}, {done.objects} objects sorted{cut}")
-        overlay.show(rooms_content(seen, names))
+        overlay.show(rooms_content(seen, names), "enfilade.find_rooms")
         return {"FINISHED"}
 
 

@@ -303,3 +303,15 @@ def test_picking_in_a_broken_scene_ends_at_once(shop, monkeypatch):
     assert window.do_invoke(window, Click()) == {"CANCELLED"}
     assert "no mesh that is visible in renders" in window.said[0]
     assert (window.cursors[-1], window.handlers) == ("", [])
+
+
+def test_what_is_shown_knows_its_button(shop):
+    from enfilade.addon import overlay
+
+    shop.two_rooms()
+    assert overlay.shown_by() == ""
+    for operator, name in ((shop.bpy.ops.enfilade.show_clusters, "show_clusters"), (shop.bpy.ops.enfilade.find_leaks, "find_leaks")):
+        operator()
+        assert overlay.shown_by() == f"enfilade.{name}"
+    shop.bpy.ops.enfilade.hide_overlay()
+    assert overlay.shown_by() == ""
