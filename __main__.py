@@ -10,16 +10,20 @@ from collections.abc import Sequence
 HELP = """\
 usage: enfilade solve SCENE --out RESULT.npz [--report REPORT.json] [options]
        enfilade bake FILE.blend --out BAKED.blend [--picture OUT.png] [options]
+       enfilade tables --out FOLDER [--scale 1/8]
 
 Diffuse global illumination for buildings of rooms and portals.
 
   solve      the light at the points of a scene file (.npz or .json); needs NumPy only
   bake       the light of a .blend file, as vertex colours or textures; needs Blender's Python module
+  tables     the tables of the paper that the method comes from, for scenes of the same size; needs the sources
 
 enfilade solve --help and enfilade bake --help list the options; enfilade --version says which version this is.
 """
 
 NO_BPY = "enfilade: bake needs Blender's Python module, which is not installed here: pip install bpy (Python 3.11 for Blender 4.2 to 5.0)"
+
+NO_SOURCES = "enfilade: tables solves scenes that come with the sources only: run it in a checkout of the repository"
 
 
 def main(argv: Sequence[str]) -> int:
@@ -36,13 +40,20 @@ def main(argv: Sequence[str]) -> int:
         from .addon.command_line import bake_main
 
         return bake_main(list(argv[1:]))
+    if command == "tables":
+        if importlib.util.find_spec("enfilade.docs.tables") is None:
+            sys.stderr.write(NO_SOURCES + "\n")
+            return 2
+        from .docs.tables import tables_main
+
+        return tables_main(argv[1:])
     if command in ("-h", "--help"):
         sys.stdout.write(HELP)
         return 0
     if command == "--version":
         sys.stdout.write(f"enfilade {version()}\n")
         return 0
-    sys.stderr.write(f"enfilade: {command!r} is not a command, the commands are solve and bake\n" if command else HELP)
+    sys.stderr.write(f"enfilade: {command!r} is not a command, the commands are solve, bake and tables\n" if command else HELP)
     return 2
 
 

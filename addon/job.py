@@ -10,7 +10,7 @@ import os
 import time
 from collections import Counter
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import bpy
@@ -19,6 +19,7 @@ import numpy as np
 from ..core.bake_values import Carrier, CornerItem, FineCarrier, Page, PageItem, evaluate, plan_page, refined
 from ..core.element_mesh import element_mesh
 from ..core.options import BakeOptions, Options
+from ..core.progress import TimeLeft, words
 from ..core.scene import Scene, SceneError
 from ..core.solution import Solution
 from . import bake_texture, bake_vertex, fine_mesh, last_light, materials, outdated
@@ -84,11 +85,17 @@ class Written:
 
 @dataclass(frozen=True)
 class Step:
-    """Progress of a bake: ``fraction`` 0..1 of the whole."""
+    """Progress of a bake: ``fraction`` 0..1 of the whole; ``remaining`` seconds that it may still take, None where that cannot be told."""
 
     stage: str
     fraction: float
     message: str
+    remaining: float | None = field(default=None, compare=False)
+
+    @property
+    def time_left(self) -> str:
+        """The time left in words, empty where it cannot be told."""
+        return "" if self.remaining is None or self.fraction >= 1 else words(self.remaining)
 
 
 def settings(scene: bpy.types.Scene) -> tuple[Options, BakeOptions]:
@@ -194,14 +201,15 @@ def work(
     carriers = [c if f is None else f.carrier for c, f in zip(coarse, fine, strict=True)]
     pages, names, warnings = _plan(reading, carriers) if bake.target == "texture" else ((), (), [])
 
-    share = SOLVE_SHARE[bake.target]
+    share, left = SOLVE_SHARE[bake.target], TimeLeft()
     solver = run(scene, reading.solving)
     try:
         while True:
             progress = next(solver)
             if previews is not None:
                 previews.look(progress.so_far)
-            yield Step(progress.stage, share * progress.fraction, progress.message)
+            done = share * progress.fraction
+            yield Step(progress.stage, done, progress.message, left.after(done))
     except StopIteration as end:
         solution = end.value
     finally:
@@ -216,7 +224,8 @@ def work(
     evaluation = evaluate(items, solution, scene)
     try:
         while True:
-            yield Step("bake", share + (1.0 - share) * next(evaluation), f"light at the {place}")
+            done = share + (1.0 - share) * next(evaluation)
+            yield Step("bake", done, f"Light at the {place}", left.after(done))
     except StopIteration as end:
         values = tuple(end.value)
     seconds = {**solution.report.get("seconds", {})}

@@ -132,7 +132,8 @@ class ENFILADE_OT_bake(bpy.types.Operator):
         if (preview := self._previews.take()) is not None:
             self._preview.show(preview)
         context.window_manager.progress_update(100 * step.fraction)
-        context.workspace.status_text_set(f"Enfilade  {100 * step.fraction:.0f} %  {step.stage}: {step.message}   |   ESC cancels")
+        text = f"Enfilade  {100 * step.fraction:.0f} %  {capital(step.stage)}: {step.message}   {step.time_left}"
+        context.workspace.status_text_set(f"{text.rstrip()}   |   ESC cancels")
         redraw_panels(context)
 
     def _finish(self, context: bpy.types.Context) -> None:

@@ -20,7 +20,7 @@ def _draw_bake(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         return
     row = layout.row(align=True)
     row.scale_y = 1.6
-    row.progress(factor=step.fraction, text=f"{step.stage.capitalize()}  {100 * step.fraction:.0f} %")
+    row.progress(factor=step.fraction, text=f"{step.stage.capitalize()}  {100 * step.fraction:.0f} %  {step.time_left}".rstrip())
     row.operator("enfilade.cancel", text="", icon="X")
 
 

@@ -10,6 +10,8 @@ from typing import Any, TextIO
 
 import numpy as np
 
+from .progress import TimeLeft, words
+
 REWRITE_SECONDS = 0.1
 """A terminal line is rewritten no more often than this."""
 
@@ -26,10 +28,13 @@ class ProgressLine:
         self._step: tuple[str, int] | None = None
         self._written = -1.0
         self._open = False
+        self._left = TimeLeft()
 
     def show(self, stage: str, fraction: float, message: str = "") -> None:
-        """Show that ``fraction`` (0..1) of the run is done and what it is about."""
+        """Show that ``fraction`` (0..1) of the run is done and what it is about, and how long it may still take."""
+        remaining = self._left.after(fraction)
         text = f"{100 * fraction:3.0f} %  {stage}" + (f": {message}" if message else "")
+        text += f", {words(remaining)}" if remaining is not None and fraction < 1 else ""
         step = (stage, int(10 * fraction))
         if self._terminal:
             now = time.monotonic()

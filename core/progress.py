@@ -6,8 +6,10 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-from .solution import Solution
+if TYPE_CHECKING:
+    from .solution import Solution
 
 PATIENCE = 3.0
 """Seconds of a run before it is told how long it will take."""
