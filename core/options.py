@@ -116,9 +116,13 @@ class Options:
     )
     max_iterations: int = _option(100, "int", "Most iterations of shooting, each visiting every emitter once", minimum=1, maximum=100_000)
     memory: int = _option(
-        0, "size", "Memory budget for light exchanges kept between iterations, the rest goes to disk; 0: no limit", unit="bytes", minimum=0
+        0,
+        "size",
+        "Memory for the whole solve beyond that of the program itself; what does not fit goes to the store; 0: no limit",
+        unit="bytes",
+        minimum=0,
     )
-    store: str = _option("", "path", "Folder that receives the result of every stage")
+    store: str = _option("", "path", "Folder that receives every finished stage; a run that was ended goes on from there")
     threads: int = _option(0, "int", "Worker processes; 0 uses every core", minimum=0, maximum=1024)
     seed: int = _option(0, "int", "Seed of every random choice", minimum=0, maximum=2**31 - 1)
 
