@@ -179,12 +179,12 @@ class Store(Nowhere):
             stages = {
                 stage: {
                     "key": str(entry["key"]),
-                    "files": {str(name): (int(size), int(check)) for name, (size, check) in entry["files"].items()},
+                    "files": {_inside(name): (int(size), int(check)) for name, (size, check) in entry["files"].items()},
                     "facts": dict(entry["facts"]),
                 }
                 for stage, entry in manifest["stages"].items()
             }
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
             raise StoreError(f"{path}: the list of what is in the store cannot be read; delete this folder and run again") from error
         if not known:
             raise StoreError(f"{path}: this store is of another version of the format; name another folder or delete this one")
@@ -211,6 +211,14 @@ class Store(Nowhere):
 
 FOLDERS = ("lamps", "links", "shooting")
 """Stages that are kept as folders of arrays."""
+
+
+def _inside(name: str) -> str:
+    """The name, if it is that of a file in the folder. Raises ValueError when it leads elsewhere."""
+    parts = Path(name).parts
+    if not 1 <= len(parts) <= 2 or ".." in parts or Path(name).is_absolute() or "\0" in name:
+        raise ValueError(name)
+    return name
 
 
 def _remove(path: Path) -> None:
