@@ -8,7 +8,8 @@ from .tables import Table, met
 ASKED = {"good": (0.03, 0.05), "fine": (0.01, 0.02)}
 """Relative root mean square error: over all points, and in rooms with no lamp."""
 JUDGED = ("cornell", "two_rooms", "office")
-MEMORY = 500e6
+MEMORY, BYTES_EACH = 500e6, 2000
+"""Bytes at most, of ``office`` at good: in all, and for each element."""
 
 
 def measure(quick: bool) -> Table:
@@ -55,6 +56,8 @@ def judged(name: str, quality: str, found: dict) -> list[list[str]]:
             lines.append([f"{name} at {quality}, {what}", f"{limit:.0%}", percent(score[key]), met(score[key] <= limit)])
     if name == "office" and quality == "good":
         lines.append(["office at good, peak memory", "500 MB", f"{found['peak_bytes'] / 1e6:,.0f} MB", met(found["peak_bytes"] <= MEMORY)])
+        each = _bytes_each(found)
+        lines.append(["office at good, memory for each element", "2 KB", f"{each / 1e3:.2f} KB", met(each <= BYTES_EACH)])
     return lines
 
 
