@@ -9,6 +9,7 @@ before any runs twice. The page and its pictures go to docs/, those of a quick r
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import sys
 import tomllib
 from pathlib import Path
@@ -16,7 +17,6 @@ from pathlib import Path
 from ...core.parallel import worker_count
 from ..processes import RunError, machine
 from . import page as pages
-from . import plots
 from .curves import curves
 from .plan import Setting, settings
 from .results import Results, run
@@ -38,6 +38,10 @@ def main(arguments: list[str]) -> int:
     plan = settings(given.quick, given.scenes, given.tools)
     if not plan:
         parser.error(f"no setting has all of scenes {', '.join(given.scenes)} and tools {', '.join(given.tools) or 'of any name'}")
+    needed = ("matplotlib", *(("bpy",) if any(s.tool == "cycles" for s in plan) and not given.page_only else ()))
+    if missing := [name for name in needed if importlib.util.find_spec(name) is None]:
+        print(f"report: the Python package {missing[0]} is missing; install it, or let make report do so", file=sys.stderr)
+        return 2
     threads = worker_count(given.threads)
     store = ROOT / "out" / ("report-quick.json" if given.quick else "report.json")
     if given.fresh:
@@ -76,6 +80,8 @@ def _run_all(results: Results, plan: list[Setting], count: int, threads: int) ->
 
 def _write(results: Results, plan: list[Setting], folder: Path) -> None:
     """The page ``speed.md`` and its pictures."""
+    from . import plots
+
     images = {}
     for scene in dict.fromkeys(s.scene for s in plan):
         if lines := curves(results, plan, scene):

@@ -6,6 +6,7 @@ import pytest
 from enfilade.docs.bench import Bench
 from enfilade.docs.processes import run_module
 from enfilade.docs.report import page, results
+from enfilade.docs.report.__main__ import main as report_main
 from enfilade.docs.report.curves import Point, best_of, curves, time_to
 from enfilade.docs.report.plan import Setting, settings
 from enfilade.docs.report.results import PACKAGE, Results
@@ -96,6 +97,18 @@ def test_keys_tell_settings_apart():
         assert json.loads(json.dumps([s.key for s in plan]))
     assert {s.scene for s in settings(False)} == {"cornell", "two_rooms", "office", "building", "furnace", "hard"}
     assert {s.tool for s in settings(False, scenes=["office"], tools=["enfilade"])} == {"enfilade"}
+
+
+def test_a_missing_package_is_named(monkeypatch, capsys):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert report_main(["--quick", "--page-only"]) == 2
+    assert "matplotlib is missing; install it" in capsys.readouterr().err
+
+
+def test_no_setting_is_said(capsys):
+    with pytest.raises(SystemExit):
+        report_main(["--scenes", "palace"])
+    assert "palace" in capsys.readouterr().err
 
 
 def test_a_picture_is_drawn(tmp_path):
