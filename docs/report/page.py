@@ -23,7 +23,7 @@ of the surfaces with long path-traced references.
 * *Seconds* of Enfilade run from the scene in memory to the light at the points, all stages; those of Cycles are the bake alone.
 * *Memory* is the most that the processes of a run held. A process with Blender loaded and nothing in it holds some 280 MB; Enfilade ran
   without Blender.
-* Figures are medians of {runs}.
+* Figures are medians of {runs}. In the pictures the dotted line is the noise of the reference.
 
 ## How Cycles was set
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from matplotlib.figure import Figure
-from matplotlib.ticker import FormatStrFormatter, NullFormatter
+from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from .curves import Point
 from .plan import WAYS
@@ -37,6 +37,7 @@ def draw(scene: str, lines: dict[str, list[Point]], path: Path) -> None:
         axis.set(xlabel="seconds", ylabel="relative RMSE, %", title=f"{scene}, {title}")
         axis.grid(True, which="major", color="0.85", linewidth=0.6)
         for side in (axis.xaxis, axis.yaxis):
+            side.set_major_locator(LogLocator(subs=(1, 2, 5)))
             side.set_major_formatter(FormatStrFormatter("%g"))
             side.set_minor_formatter(NullFormatter())
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(panels), fontsize=8, frameon=False)
