@@ -16,11 +16,16 @@ from .visibility_graph import VisibilityGraph
 
 @dataclass(frozen=True)
 class Doors:
-    """Portals as light meets them: rooms (K, 2) int, -1 outside; area (K,) float64 m2; frames, K rectangles around them."""
+    """Portals as light meets them: rooms (K, 2) int, -1 outside; area (K,) float64 m2; frames, K rectangles around them.
+
+    transmittance : (K,) float64, 0..1;  panes : (T,) triangles that cover those of less than 1, ``region`` being the portal of each
+    """
 
     rooms: np.ndarray
     area: np.ndarray
     frames: Blockers
+    transmittance: np.ndarray
+    panes: Blockers
 
 
 def doors_of(portals: Portals, centre: np.ndarray) -> Doors:
@@ -42,7 +47,16 @@ def doors_of(portals: Portals, centre: np.ndarray) -> Doors:
     first = portals.vertices[portals.start[:-1]] - centre
     origin = first + reach[0][:, None] * u + reach[2][:, None] * v
     a, b = (reach[1] - reach[0])[:, None] * u, (reach[3] - reach[2])[:, None] * v
-    return Doors(portals.rooms, area, flat_blockers(origin, a, b, np.zeros(count, bool), normal, np.arange(count)))
+    glass = np.ones(count) if portals.transmittance is None else portals.transmittance
+    dim = np.flatnonzero((glass < 1) & (area > 0))
+    member, row = ragged(portals.start[dim] + 1, np.diff(portals.start)[dim] - 2)
+    door = dim[row]
+    corner = portals.vertices[portals.start[door]]
+    sides = (portals.vertices[member] - corner, portals.vertices[member + 1] - corner)
+    wide = np.linalg.norm(np.cross(*sides), axis=1) > 0
+    corner, door, sides = corner[wide], door[wide], (sides[0][wide], sides[1][wide])
+    panes = flat_blockers(corner - centre, *sides, np.ones(len(door), bool), normal[door], door)
+    return Doors(portals.rooms, area, flat_blockers(origin, a, b, np.zeros(count, bool), normal, np.arange(count)), glass, panes)
 
 
 @dataclass(frozen=True)

@@ -71,7 +71,9 @@ def _shine(building: Building, kind: Kind, reach: Reach, patch, end, source, ind
     bodies, far = reach.patches.joined(reach.ends), len(reach.patches)
     used, place = np.unique(np.concatenate([patch, far + end]), return_inverse=True)
     bodies = bodies.take(used)
-    shafts = ShaftIndex(building.blockers_between(reach.nearby, *bodies.box()))
+    opaque, panes = building.blockers_between(reach.nearby, *bodies.box()), building.doors.panes
+    passes = np.concatenate([np.zeros(len(opaque)), building.doors.transmittance[panes.region]])
+    shafts = ShaftIndex(opaque.joined(panes) if len(panes) else opaque)
     pair, blocker = Shafts(bodies, shafts).candidates(place[: len(patch)], place[len(patch) :])
     # From patches to their points.
     point, of = ragged(first[patch], np.diff(first)[patch])
@@ -87,11 +89,13 @@ def _shine(building: Building, kind: Kind, reach: Reach, patch, end, source, ind
     balls = np.ascontiguousarray(points.T), np.zeros(count, np.float32)
     near = near_axis(shafts, balls, bodies.balls(), (point, place[len(patch) :][of]), row, blocker)
     row, blocker = row[near], blocker[near]
-    doubtful = np.unique(row)
-    at, lamps = point[doubtful], source[of[doubtful]]
+    changed, doubtful = np.unique(row), np.unique(row[passes[blocker] == 0])
+    at, lamps = point[changed], source[of[changed]]
     bright = light[doubtful].max(1)
-    rows = np.searchsorted(doubtful, row), blocker
-    light[doubtful], veil = _obstructed(kind, lamps, points[at], normals[doubtful], shafts.blockers, *rows)
+    rows = np.searchsorted(changed, row), blocker
+    light[changed], veil = _obstructed(kind, lamps, points[at], normals[changed], shafts.blockers, passes, *rows)
+    # Glass dims but hides nothing: it leaves no doubt.
+    at, veil = point[doubtful], veil[np.searchsorted(changed, doubtful)]
     irradiance = np.stack([np.bincount(point, light[:, k], minlength=count) for k in range(3)], 1).astype(np.float32)
     doubt = np.bincount(at, bright, minlength=count).astype(np.float32)
     return DirectLight(index, irradiance, doubt, _common(at, veil, count), len(row))
@@ -119,7 +123,7 @@ def _unobstructed(kind: Kind, source: np.ndarray, points: np.ndarray, normals: n
     return out
 
 
-def _obstructed(kind: Kind, source, points, normals, blockers, pair, blocker) -> tuple[np.ndarray, np.ndarray]:
+def _obstructed(kind: Kind, source, points, normals, blockers, passes, pair, blocker) -> tuple[np.ndarray, np.ndarray]:
     """(n, 3) irradiance of points past rows (pair, blocker), and (n,) the one blocker that hides all of the source, or -1."""
     owner, corners = kind.pieces(source, points.astype(np.float64))
     return visible_light(
@@ -132,6 +136,7 @@ def _obstructed(kind: Kind, source, points, normals, blockers, pair, blocker) ->
         blocker,
         lambda row, part: kind.light(source[row], part, normals[row]),
         0.0 if kind.endless else 1.0,
+        passes,
     )
 
 

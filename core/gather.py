@@ -45,12 +45,13 @@ class Gathered:
 class _Room:
     """What the points of a room may meet.
 
-    frames : its portals that lead to other rooms
+    frames : its portals that lead to other rooms, transmittance : (p,) of each
     all_round : faces for rays over the hemisphere, where these end in all portals, and then where they pass the first, second, ..
     beyond : for each portal, the faces behind it and in the room
     """
 
     frames: Blockers
+    transmittance: np.ndarray
     all_round: tuple[Faces, ...]
     beyond: tuple[Faces, ...]
 
@@ -93,7 +94,7 @@ def _room(building: Building, room: int) -> _Room:
         found = near.take(np.flatnonzero(behind | (near_room == room)))
         all_round.append(faces_of(found, frames.take(everything[everything != k])))
         beyond.append(faces_of(found, frames.take(everything[:0])))
-    return _Room(frames, tuple(all_round), tuple(beyond))
+    return _Room(frames, doors.transmittance[open_], tuple(all_round), tuple(beyond))
 
 
 def _reached(links: np.ndarray, count: int, room: int, start: int) -> np.ndarray:
@@ -153,7 +154,8 @@ def _gather(building: Building, room: _Room, exitance: ExitanceMap, index, point
     form = np.zeros((len(points), count))
     for k in range(count):
         form[:, k] = _form(points, normals, room.frames.corners[k])
-    near = np.where(form.max(1, initial=0) > NEAR, form.argmax(1), -1) if count else np.full(len(points), -1)
+    clear = form * (room.transmittance == 1)  # what is behind glass is seen through it alone, and dimmed
+    near = np.where(clear.max(1, initial=0) > NEAR, clear.argmax(1), -1) if count else np.full(len(points), -1)
     out, work = np.zeros((len(points), 3)), Workspace()
     # Points that face one way share the directions of their rays, whatever surface they lie on.
     frames, way = np.unique(np.round(frame, 6).reshape(-1, 9), axis=0, return_inverse=True)
@@ -171,7 +173,8 @@ def _gather(building: Building, room: _Room, exitance: ExitanceMap, index, point
         number = 8 * 2 ** np.floor(np.log2(number / 8)).astype(np.int64)
         for n in np.unique(number):
             mine = rows[number == n]
-            _through(room.beyond[portal], corners, exitance, points, normals, form[:, portal], mine, int(n), work, out)
+            dimmed = form[:, portal] * room.transmittance[portal]
+            _through(room.beyond[portal], corners, exitance, points, normals, dimmed, mine, int(n), work, out)
     return Gathered(index, out.astype(np.float32))
 
 

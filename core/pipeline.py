@@ -11,6 +11,7 @@ import numpy as np
 from . import escape, links, ordering, quality, stages
 from .elements import Forest
 from .emitters import emitters_of
+from .glass import dimmed_rooms
 from .lamp_power import entered_power, idle_lamps, lamp_power
 from .light_sources import light_sources
 from .options import Options
@@ -73,7 +74,7 @@ def _steps(scene: Scene, options: Options, desk: Workspace) -> Generator[Progres
         linked = yield from stages.link(building, lit, limits, desk)
     forest, light, lost = linked.forest, linked.light, linked.lost
 
-    closed = lost <= escape.LEAK
+    closed = (lost <= escape.LEAK) & ~dimmed_rooms(building)
     clusters, by_cluster = building.clusters, options.emitters == "clusters"
     unit, units = (np.arange(len(clusters)), len(clusters)) if by_cluster else (clusters.room, scene.room_count)
     emitters = emitters_of(forest, unit[clusters.cluster_of[forest.region]], units, space.zeros)

@@ -17,6 +17,7 @@ import numpy as np
 from . import transport
 from .building import Building
 from .elements import Forest
+from .glass import through_glass
 from .links import LinkCollector, LinkSet
 from .occlusion import Bodies, Cuts, ShaftIndex, Shafts, cut_segments
 from .parallel import Crew
@@ -207,7 +208,9 @@ def _treat(building: Building, forest: Forest, estimate: Estimate, min_size: flo
             bad[alone] = ~_surely_hidden(forest, shafts.blockers, elements[here.ia[alone]], elements[here.ib[alone]], alone, pair, blocker)
         refine[rows[bad]] = True
         good = np.flatnonzero(~bad & ~cuts.hidden.all((1, 2)))
-        links += _links(forest, elements, bodies, radius, here.take(good), nodes[0][good], nodes[1][good], ~cuts.hidden[good])
+        nodes = nodes[0][good], nodes[1][good]
+        seen = ~cuts.hidden[good] * through_glass(building, forest.region[elements], here.ia[good], here.ib[good], *nodes)
+        links += _links(forest, elements, bodies, radius, here.take(good), *nodes, seen)
     ia, ib = pairs.ia, pairs.ib
     larger_a = np.where(splittable[ia] & splittable[ib], radius[ia] >= radius[ib], splittable[ia])
     at_a, at_b = np.flatnonzero(refine & larger_a), np.flatnonzero(refine & ~larger_a)

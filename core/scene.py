@@ -29,6 +29,7 @@ class Portals:
     rooms : (K, 2) int32, the two rooms, the normal runs from ``rooms[:, 0]`` to ``rooms[:, 1]``; -1 is the outside
     names : K names for messages (object and face in Blender), may be empty texts
     depth : (K,) float64 or None for zeros, metres; an opening that is not planar lies within this of the plane of its polygon
+    transmittance : (K,) float64 or None for ones, 0..1, part of the light that passes, as of a pane of glass
     """
 
     vertices: np.ndarray
@@ -36,6 +37,7 @@ class Portals:
     rooms: np.ndarray
     names: tuple[str, ...] = ()
     depth: np.ndarray | None = None
+    transmittance: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.rooms)

@@ -140,6 +140,14 @@ def _refuse_wrong_portals(scene: Scene) -> None:
     ):
         if wrong.any():
             raise SceneError(f"{name(int(np.argmax(wrong)))} {text}")
+    glass = portals.transmittance
+    if glass is not None:
+        if len(glass) != len(portals):
+            raise SceneError(f"the array of transmittances has {len(glass)} entries for {len(portals)} portals")
+        wrong = ~((glass >= 0) & (glass <= 1))
+        if wrong.any():
+            k = int(np.argmax(wrong))
+            raise SceneError(f"{name(k)} has a transmittance of {glass[k]:g}; set it between 0 and 1")
     same = portals.rooms[:, 0] == portals.rooms[:, 1]
     if same.any():
         k = int(np.argmax(same))

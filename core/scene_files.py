@@ -18,8 +18,9 @@ What these keys cannot hold has keys of its own, written only where a scene need
 four corners or with holes put ``corner_vertex``, ``loop_start`` and ``polygon_start`` (as in :class:`Scene`) in the
 place of ``polys``, so that a reader of the plain form stops instead of showing a wrong scene; portals other than
 four-sided ones put ``portal_vertices`` and ``portal_start`` in the place of ``portals``; ``portal_depth`` (K,) holds how
-far bent openings lie from the planes of their polygons, metres; ``object``, ``object_names``, ``room_names`` and
-``portal_names`` hold what the names say; lamps, sun and sky have the keys of :mod:`lamp_files`. Numbers are written as float32 where
+far bent openings lie from the planes of their polygons, metres; ``portal_transmittance`` (K,) what their
+glass lets through; ``object``, ``object_names``, ``room_names`` and ``portal_names`` hold what the names say; lamps, sun and
+sky have the keys of :mod:`lamp_files`. Numbers are written as float32 where
 that loses nothing and as float64 otherwise, so a saved scene loads back equal.
 """
 
@@ -125,7 +126,8 @@ def _load_npz(path: Path) -> Scene:
     if len(portal_names) != len(portal_rooms):
         raise SceneError(f"{path}: portal_names has {len(portal_names)} texts for {len(portal_rooms)} portals")
 
-    portal_depth = reader.numbers("portal_depth", (len(portal_rooms),)) if "portal_depth" in arrays else None
+    of_portals = {key: reader.numbers(key, (len(portal_rooms),)) for key in ("portal_depth", "portal_transmittance") if key in arrays}
+    portal_depth, transmittance = of_portals.get("portal_depth"), of_portals.get("portal_transmittance")
     points = None
     if "pts" in arrays:
         position = reader.numbers("pts", (None, 3))
@@ -142,7 +144,7 @@ def _load_npz(path: Path) -> Scene:
         object=object_index,
         room_names=room_names,
         object_names=object_names,
-        portals=Portals(portal_vertices, np.asarray(portal_start, np.int64), portal_rooms, portal_names, portal_depth),
+        portals=Portals(portal_vertices, np.asarray(portal_start, np.int64), portal_rooms, portal_names, portal_depth, transmittance),
         points=points,
         lamps=read_lamps(reader, str(path)),
     )
@@ -227,6 +229,8 @@ def _npz_arrays(scene: Scene) -> dict[str, np.ndarray]:
         arrays["portal_start"] = portals.start.astype(np.int64)
     if portals.depth is not None:
         arrays["portal_depth"] = _compact(portals.depth)
+    if portals.transmittance is not None:
+        arrays["portal_transmittance"] = _compact(portals.transmittance)
     if len(scene.object_names) != 1 or scene.object_names[0] != "scene":
         arrays["object"] = scene.object.astype(np.int32)
         arrays["object_names"] = np.array(scene.object_names, dtype=str)

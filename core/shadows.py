@@ -30,6 +30,7 @@ def visible_light(
     blocker: np.ndarray,
     light: Callable[[np.ndarray, np.ndarray], np.ndarray],
     depth: float = 1.0,
+    passes: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Light (n, c) float64 from what points see of polygons.
 
@@ -40,11 +41,14 @@ def visible_light(
     pair, blocker : (r,) rows, ``pair`` sorted, the blockers that may stand between
     light : (owner (m,), parts (m, k, 3) of the polygons, before the planes of their points) to the light (m, c) of these
     depth : 1 when blockers hide what lies beyond their planes, 0 when all that lies in their directions, as of the sky
+    passes : (K,) 0..1, part of the light that each blocker lets through, as glass does, or None for opaque ones
     """
     count = len(points)
     normals = normals.astype(np.float64)
     corners = clip_half(corners, np.einsum("nkd,nd->nk", corners, normals[owner]))
+    passes = np.zeros(len(blockers)) if passes is None else passes
     meets, covers = _reach(points, owner, corners, blockers, pair, blocker, depth)
+    covers &= passes[blocker] == 0
     veil = np.full(count, -1)
     veil[pair[covers][::-1]] = blockers.id[blocker[covers][::-1]]
     dark = veil >= 0
@@ -53,22 +57,25 @@ def visible_light(
     owner, corners = owner[~dark[owner]], corners[~dark[owner]]
     # The largest first: what they hide is never cut up by the smaller ones.
     size = blockers.size[blocker] / np.maximum(np.linalg.norm(blockers.middle[blocker] - points[pair], axis=1), 1e-9)
-    order = np.lexsort((-size, pair))
+    # Glass last: it hides nothing that would then not have to be cut.
+    order = np.lexsort((-size, passes[blocker] > 0, pair))
     pair, blocker = pair[order], blocker[order]
     start = np.searchsorted(pair, np.arange(count + 1))
     degree = np.diff(start)
+    weight = np.ones(len(owner))
     out = np.zeros((count, light(np.zeros(0, np.int64), np.zeros((0, 3, 3))).shape[1]))
     for turn in range(int(degree.max(initial=0)) + 1):
         done = degree[owner] <= turn
         if done.any():
-            found = light(owner[done], corners[done])
+            found = weight[done, None] * light(owner[done], corners[done])
             for k in range(out.shape[1]):
                 out[:, k] += np.bincount(owner[done], found[:, k], minlength=count)
-        owner, corners = owner[~done], corners[~done]
+        owner, weight, corners = owner[~done], weight[~done], corners[~done]
         if not len(owner):
             break
-        planes = _cones(blockers, blocker[start[owner] + turn], points[owner].astype(np.float64), depth)
-        owner, corners = _subtract(owner, corners, planes)
+        hiding = blocker[start[owner] + turn]
+        planes = _cones(blockers, hiding, points[owner].astype(np.float64), depth)
+        owner, weight, corners = _subtract(owner, weight, corners, planes, passes[hiding])
     return out, veil
 
 
@@ -159,12 +166,16 @@ def _cones(blockers: Blockers, k: np.ndarray, points: np.ndarray, depth: float) 
     return planes
 
 
-def _subtract(owner: np.ndarray, corners: np.ndarray, planes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What is left of convex pieces (n, k, 3) outside the common part of their half-spaces (n, h, 4), as convex pieces."""
+def _subtract(
+    owner: np.ndarray, weight: np.ndarray, corners: np.ndarray, planes: np.ndarray, passes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What is left of convex pieces (n, k, 3) outside the common part of their half-spaces (n, h, 4), as convex pieces with their
+    owners and weights (n,). The part inside stays with as much of its weight as ``passes`` (n,).
+    """
     _, high, slack = _heights(corners, planes)
     outside = (high <= slack).any(1)
-    owners, pieces = [owner[outside]], [corners[outside]]
-    owner, rest, planes = owner[~outside], corners[~outside], planes[~outside]
+    owners, weights, pieces = [owner[outside]], [weight[outside]], [corners[outside]]
+    owner, weight, rest, planes, passes = (x[~outside] for x in (owner, weight, corners, planes, passes))
     for h in range(planes.shape[1]):
         if not len(owner):
             break
@@ -174,11 +185,17 @@ def _subtract(owner: np.ndarray, corners: np.ndarray, planes: np.ndarray) -> tup
         if cut.any():
             beyond = clip_half(rest[cut], -height[cut])
             owners.append(owner[cut])
+            weights.append(weight[cut])
             pieces.append(beyond)
         some = (height > scale).any(1)
-        owner, planes, height = owner[some], planes[some], height[some]
+        owner, weight, planes, passes, height = (x[some] for x in (owner, weight, planes, passes, height))
         rest = _tight(clip_half(rest[some], height))
-    return _merged(owners, pieces)
+    glass = passes > 0
+    if glass.any():
+        owners.append(owner[glass])
+        weights.append((weight * passes)[glass])
+        pieces.append(rest[glass])
+    return _merged(owners, weights, pieces)
 
 
 def _tight(corners: np.ndarray) -> np.ndarray:
@@ -188,14 +205,14 @@ def _tight(corners: np.ndarray) -> np.ndarray:
     return corners[:, :need]
 
 
-def _merged(owners: list[np.ndarray], pieces: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+def _merged(owners: list[np.ndarray], weights: list[np.ndarray], pieces: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """One array of pieces, short ones with their last corner repeated, without those of no area."""
     pieces = [_tight(p) for p in pieces]
     most = max(p.shape[1] for p in pieces)
     members = [np.minimum(np.arange(most), p.shape[1] - 1) for p in pieces]
     corners = np.concatenate([p[:, m] for p, m in zip(pieces, members, strict=True)])
-    owner = np.concatenate(owners)
+    owner, weight = np.concatenate(owners), np.concatenate(weights)
     local = corners - corners[:, :1]
     area = np.linalg.norm(cross(local, following(local)).sum(1), axis=1)
     keep = area > 1e-14 * np.abs(corners).max((1, 2), initial=1e-30) ** 2
-    return owner[keep], corners[keep]
+    return owner[keep], weight[keep], corners[keep]
