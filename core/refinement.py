@@ -8,7 +8,7 @@ in the mean square over its area, so that work goes where the light is.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from itertools import groupby
 
@@ -22,7 +22,7 @@ from .links import LinkCollector, LinkSet
 from .occlusion import Bodies, Cuts, ShaftIndex, Shafts, cut_segments
 from .parallel import Crew
 from .passages import Passages
-from .sightlines import scopes_of
+from .sightlines import scope_groups, scope_of
 
 # Relative errors of one exchange, in the mean square over the receiver, for elements of radius r at distance d: the second
 # derivative of the kernel leaves 0.3 (r/d)**2 of a linear function, the first 0.8 r/d of a constant; a node in place of a
@@ -87,22 +87,39 @@ def link(
     min_size : metres, elements are not split below it;  collector : takes the links as they are made
     """
     collector = collector or LinkCollector()
-    blocks = [block for scope in scopes_of(building) for block in _blocks_of(scope.nearby, scope.a, scope.b)]
+    groups = scope_groups(building)
+    parcels, whole = (_first(building, *group) for group in groups), len(groups)
     dropped, tests, rounds = 0.0, 0, 0
-    while blocks:
-        outcomes = []
-        for outcome in crew.map(_treat, (building, forest, estimate, min_size), blocks):
+    while whole:
+        # Blocks are made when they are due: all pairs of a building at once would take more memory than anything else.
+        outcomes, sources = [], []
+        for outcome in crew.map(_treat, (building, forest, estimate, min_size), _blocks(parcels, sources)):
             collector.add(outcome.links)
             outcome.links = []
+            number = sources[len(outcomes)][0]
             outcomes.append(outcome)
-            yield 1 - 0.5 ** (rounds + len(outcomes) / len(blocks))
+            yield 1 - 0.5 ** (rounds + number / whole)
         rounds += 1
         dropped += sum(o.dropped for o in outcomes)
         tests += sum(o.segment_tests for o in outcomes)
-        forest.split(np.concatenate([o.split_a[0] for o in outcomes] + [o.split_b[1] for o in outcomes]))
+        forest.split(np.concatenate([np.zeros(0, np.int32)] + [o.split_a[0] for o in outcomes] + [o.split_b[1] for o in outcomes]))
         estimate = _inherited(estimate, forest)
-        blocks = _next(forest, blocks, outcomes)
+        parcels, whole = _next(forest, sources, outcomes)
     yield Linking(collector.links(), dropped, tests)
+
+
+def _first(building: Building, group: np.ndarray, within: bool) -> _Block:
+    """All pairs of root elements of one scope."""
+    scope = scope_of(building, group, within)
+    return _Block(scope.nearby, scope.a, scope.b)
+
+
+def _blocks(parcels: Iterable[_Block], sources: list[tuple[int, np.ndarray]]) -> Iterator[_Block]:
+    """Parcels cut into blocks; of every block ``sources`` receives the number of its parcel, and what is near."""
+    for number, parcel in enumerate(parcels):
+        for k in range(0, len(parcel.a), BLOCK_PAIRS):
+            sources.append((number, parcel.nearby))
+            yield _Block(parcel.nearby, parcel.a[k : k + BLOCK_PAIRS], parcel.b[k : k + BLOCK_PAIRS])
 
 
 def _inherited(estimate: Estimate, forest: Forest) -> Estimate:
@@ -113,19 +130,20 @@ def _inherited(estimate: Estimate, forest: Forest) -> Estimate:
     return Estimate(exitance, slope, estimate.tolerance)
 
 
-def _blocks_of(nearby: np.ndarray, a: np.ndarray, b: np.ndarray) -> list[_Block]:
-    return [_Block(nearby, a[k : k + BLOCK_PAIRS], b[k : k + BLOCK_PAIRS]) for k in range(0, len(a), BLOCK_PAIRS)]
-
-
-def _next(forest: Forest, blocks: list[_Block], outcomes: list[_Outcome]) -> list[_Block]:
-    """Blocks of the pairs that were split; those of one scope share blocks."""
-    following = []
-    for _, same in groupby(zip(blocks, outcomes, strict=True), lambda pair: id(pair[0].nearby)):
+def _next(forest: Forest, sources: list[tuple[int, np.ndarray]], outcomes: list[_Outcome]) -> tuple[Iterator[_Block], int]:
+    """The pairs that were split, those of one scope together, and how many such parcels there are."""
+    groups = []
+    for _, same in groupby(zip(sources, outcomes, strict=True), lambda pair: pair[0][0]):
         group = list(same)
-        sides = [_children(forest, outcome) for _, outcome in group]
-        a, b = (np.concatenate(side) for side in zip(*sides, strict=True))
-        following += _blocks_of(group[0][0].nearby, a, b)
-    return following
+        split = [outcome for _, outcome in group if len(outcome.split_a[0]) + len(outcome.split_b[0])]
+        if split:
+            groups.append((group[0][0][1], split))
+
+    def parcel(nearby: np.ndarray, split: list[_Outcome]) -> _Block:
+        sides = [_children(forest, outcome) for outcome in split]
+        return _Block(nearby, *(np.concatenate(side) for side in zip(*sides, strict=True)))
+
+    return (parcel(*group) for group in groups), len(groups)
 
 
 def _children(forest: Forest, outcome: _Outcome) -> tuple[np.ndarray, np.ndarray]:

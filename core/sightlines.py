@@ -30,15 +30,15 @@ class Scope:
     nearby: np.ndarray
 
 
-def scopes_of(building: Building) -> list[Scope]:
-    """The scopes of a building, in a fixed order."""
-    scopes = []
-    for size, within in ((WITHIN, True), (BETWEEN, False)):
-        for group in _groups(building, size):
-            a, b = _pairs(building, group, within)
-            if len(a):
-                scopes.append(Scope(a, b, building.surroundings(group)))
-    return scopes
+def scope_groups(building: Building) -> list[tuple[np.ndarray, bool]]:
+    """Groups of clusters and whether their pairs within rooms are meant, in a fixed order: each makes one scope."""
+    return [(group, within) for size, within in ((WITHIN, True), (BETWEEN, False)) for group in _groups(building, size)]
+
+
+def scope_of(building: Building, group: np.ndarray, within: bool) -> Scope:
+    """The scope of a group of clusters; it may have no pairs."""
+    a, b = _pairs(building, group, within)
+    return Scope(a, b, building.surroundings(group))
 
 
 def _groups(building: Building, size: int) -> list[np.ndarray]:

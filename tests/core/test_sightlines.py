@@ -27,13 +27,17 @@ def row_of_rooms(count=4, leave=(0.4, 0.6)):
     return scene_of(polygons, room=room, portals=portals_of(doors, [(k - 1, k) for k in range(1, count)]))
 
 
+def scopes_of(building):
+    return [sightlines.scope_of(building, *group) for group in sightlines.scope_groups(building)]
+
+
 @pytest.mark.parametrize("size", [1, 7, 1000])
 @pytest.mark.parametrize("average", [1, 4])
 def test_every_pair_that_the_graph_allows_comes_once(monkeypatch, size, average):
     monkeypatch.setattr(sightlines, "WITHIN", size)
     monkeypatch.setattr(sightlines, "BETWEEN", size)
     building = building_of(row_of_rooms(), average=average)
-    found = np.concatenate([np.sort(np.stack([s.a, s.b], 1), 1) for s in sightlines.scopes_of(building)])
+    found = np.concatenate([np.sort(np.stack([s.a, s.b], 1), 1) for s in scopes_of(building)])
     cluster = building.clusters.cluster_of
     i, j = np.triu_indices(len(building.regions), 1)
     expected = np.stack([i, j], 1)[building.graph.sees(cluster[i], cluster[j])]
@@ -44,7 +48,7 @@ def test_every_pair_that_the_graph_allows_comes_once(monkeypatch, size, average)
 def test_scopes_hold_all_blockers_between_their_pairs():
     building = building_of(row_of_rooms(), average=4)
     regions = building.regions
-    for scope in sightlines.scopes_of(building):
+    for scope in scopes_of(building):
         ends = np.unique(np.concatenate([scope.a, scope.b]))
         low, high = regions.box_min[ends].min(0), regions.box_max[ends].max(0)
         rooms = np.unique(regions.room[ends])
