@@ -16,6 +16,8 @@ MIN_AREA = 1e-14
 """Polygons and portals of no more than this (m2) count as without area."""
 PLANARITY = 1e-4
 """A polygon or portal is planar when its corners are within this of its plane: metres, or of its size where that is more."""
+FARTHEST = 1e12
+"""Metres; a corner farther from the origin is no place in a building."""
 MAX_REFLECTANCE = 0.999
 """What a reflectance of 1 or more is lowered to: such a surface would keep light for ever."""
 _NAMED = 3
@@ -113,6 +115,8 @@ def _refuse_broken_arrays(scene: Scene) -> None:
     _refuse_corners(scene, corner_polygon[wrong], "has a corner at a vertex that does not exist")
     wrong = ~np.isfinite(scene.vertices[scene.corner_vertex]).all(axis=1)
     _refuse_corners(scene, corner_polygon[wrong], "has a corner whose position is not a finite number; repair or delete it")
+    wrong = (np.abs(scene.vertices[scene.corner_vertex]) > FARTHEST).any(axis=1)
+    _refuse_corners(scene, corner_polygon[wrong], f"has a corner more than {FARTHEST:g} m away from the origin; move or delete it")
     _refuse(scene, (scene.object < 0) | (scene.object >= len(scene.object_names)), "belongs to an object that does not exist", named=False)
     _refuse(scene, (scene.room < 0) | (scene.room >= scene.room_count), "lies in a room that does not exist")
     _refuse(scene, ~np.isfinite(scene.reflectance).all(axis=1), "has a reflectance that is not a finite number; set its material's colour")
@@ -157,6 +161,9 @@ def _refuse_wrong_portals(scene: Scene) -> None:
     wrong = owner[~np.isfinite(portals.vertices).all(axis=1)]
     if len(wrong):
         raise SceneError(f"{name(int(wrong[0]))} has a corner whose position is not a finite number; repair or delete it")
+    wrong = owner[(np.abs(portals.vertices) > FARTHEST).any(axis=1)]
+    if len(wrong):
+        raise SceneError(f"{name(int(wrong[0]))} has a corner more than {FARTHEST:g} m away from the origin; move or delete it")
 
 
 def _refuse(scene: Scene, wrong: np.ndarray, text: str, named: bool = True) -> None:

@@ -37,6 +37,7 @@ import numpy as np
 from .lamp_files import lamp_arrays, read_lamps
 from .npz_files import DamagedFile, read_arrays
 from .scene import EvaluationPoints, Portals, Scene, SceneError
+from .scene_checks import FARTHEST
 
 PROBE_TOLERANCE = 1e-3
 """A probe of a building file belongs to a polygon no farther away than this, metres."""
@@ -126,8 +127,10 @@ def _load_npz(path: Path) -> Scene:
     if len(portal_names) != len(portal_rooms):
         raise SceneError(f"{path}: portal_names has {len(portal_names)} texts for {len(portal_rooms)} portals")
 
-    of_portals = {key: reader.numbers(key, (len(portal_rooms),)) for key in ("portal_depth", "portal_transmittance") if key in arrays}
-    portal_depth, transmittance = of_portals.get("portal_depth"), of_portals.get("portal_transmittance")
+    portal_depth, transmittance = (
+        reader.numbers(f"portal_{name}", (len(portal_rooms),)) if f"portal_{name}" in arrays else None
+        for name in ("depth", "transmittance")
+    )
     points = None
     if "pts" in arrays:
         position = reader.numbers("pts", (None, 3))
@@ -280,8 +283,11 @@ def _load_json(path: Path) -> Scene:
 def _scene_of_building(path: Path, document: Mapping[str, Any]) -> Scene:
     polygons, rooms = document["polygons"], document["rooms"]
     vertices = np.asarray(document["vertices"], np.float64).reshape(-1, 3)
+    wrong = np.flatnonzero(~(np.abs(vertices) <= FARTHEST).all(axis=1))
+    if len(wrong):
+        raise SceneError(f"{path}: the position of vertex {wrong[0]} is no finite number, or more than {FARTHEST:g} m away from the origin")
     corner_vertex, loop_start = _ragged([polygon["v"] for polygon in polygons])
-    room = np.asarray([polygon["room"] for polygon in polygons], np.int32)
+    room = _indices([polygon["room"] for polygon in polygons])
     room_names = tuple(str(entry["name"]) for entry in rooms)
 
     empty = np.flatnonzero(np.diff(loop_start) < 1)
@@ -307,7 +313,7 @@ def _scene_of_building(path: Path, document: Mapping[str, Any]) -> Scene:
     portals = Portals(
         vertices[portal_corner],
         portal_start,
-        np.asarray([portal["rooms"] for portal in document["portals"]], np.int32).reshape(-1, 2),
+        _indices([room for portal in document["portals"] for room in portal["rooms"]]).reshape(-1, 2),
         tuple(f"{portal.get('kind', 'portal')} {k}" for k, portal in enumerate(document["portals"])),
     )
     scene = Scene(
@@ -362,7 +368,15 @@ def _ragged(lists: list[list[int]]) -> tuple[np.ndarray, np.ndarray]:
     flat = [index for indices in lists for index in indices]
     if any(isinstance(index, bool) or not isinstance(index, int) for index in flat):
         raise ValueError("a vertex index is not a whole number")
-    return np.asarray(flat, np.int32), _offsets(np.asarray([len(indices) for indices in lists], np.int64))
+    return _indices(flat), _offsets(np.asarray([len(indices) for indices in lists], np.int64))
+
+
+def _indices(numbers: list[int]) -> np.ndarray:
+    """(n,) int32. Raises ValueError when one is too large for an index."""
+    array = np.asarray(numbers, np.int64)
+    if array.size and (array.min() < -(2**31) or array.max() >= 2**31):
+        raise ValueError("a number is too large for an index")
+    return array.astype(np.int32)
 
 
 def _offsets(counts: np.ndarray) -> np.ndarray:

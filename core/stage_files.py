@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import zipfile
-import zlib
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
+
+from .npz_files import DamagedFile, read_arrays
 
 Stage = TypeVar("Stage")
 
@@ -37,10 +37,9 @@ def save_stage(result: object, path: str | os.PathLike[str]) -> None:
 def load_stage(cls: type[Stage], path: str | os.PathLike[str]) -> Stage:
     """Read back what :func:`save_stage` wrote. Raises :class:`StageError` when the file is missing, damaged or of another stage."""
     try:
-        with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
-            arrays = {key: archive[key] for key in archive.files}
-    except (OSError, ValueError, TypeError, AttributeError, KeyError, EOFError, MemoryError, zipfile.BadZipFile, zlib.error) as error:
-        raise StageError(f"{path}: the saved result cannot be read ({type(error).__name__}); delete it and run again") from error
+        arrays = read_arrays(Path(path))
+    except DamagedFile as error:
+        raise StageError(f"{path}: the saved result cannot be read ({error}); delete it and run again") from error
     names = {field.name for field in dataclasses.fields(cls)}
     if set(arrays) != names:
         raise StageError(f"{path}: this is not a saved {cls.__name__}; delete it and run again")

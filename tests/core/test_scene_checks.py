@@ -76,6 +76,8 @@ def test_sound_scenes_pass_untouched(name):
     [
         (lambda s: {"vertices": changed(s.vertices, (5, 1), np.nan)}, "polygon 1 of 'table' has a corner whose position is not a finite"),
         (lambda s: {"vertices": changed(s.vertices, (2, 0), np.inf)}, "polygon 0 of 'floor' has a corner whose position is not a finite"),
+        (lambda s: {"vertices": changed(s.vertices, (2, 0), -1e200)}, "polygon 0 of 'floor' has a corner more than 1e+12 m away from"),
+        (lambda s: {"portals": portals_of([SQUARE * 1e13], [(0, 1)])}, "portal 0 has a corner more than 1e+12 m away from the origin"),
         (lambda s: {"corner_vertex": changed(s.corner_vertex, 9, 12)}, "polygon 2 of 'table' has a corner at a vertex that does not exist"),
         (lambda s: {"corner_vertex": changed(s.corner_vertex, 0, -1)}, "polygon 0 of 'floor' has a corner at a vertex"),
         (lambda s: {"loop_start": np.array([0, 4, 12, 12])}, "polygon 2 of 'table' has an outline without corners"),

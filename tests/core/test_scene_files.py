@@ -231,6 +231,10 @@ def test_missing_file_and_folder(tmp_path):
     [
         (lambda d: d["polygons"][3].update(mat=99), "polygon 3 has material 99"),
         (lambda d: d["polygons"][5].update(v=[]), "polygon 5 has no corners"),
+        (lambda d: d["polygons"][5].update(v=[0, 1, 2**31]), "a number is too large for an index"),
+        (lambda d: d["polygons"][5].update(room=2**40), "a number is too large for an index"),
+        (lambda d: d["vertices"].__setitem__(7, [0, float("inf"), 0]), "the position of vertex 7 is no finite number"),
+        (lambda d: d["vertices"].__setitem__(7, [0, 1e300, 0]), "the position of vertex 7 is no finite number"),
         (lambda d: d["polygons"][5].update(v=[0, 1, 2.5]), "a vertex index is not a whole number"),
         (lambda d: d["polygons"][5].pop("room"), "the entry 'room' is missing"),
         (lambda d: d["portals"][7]["v"].append(10**6), "portal 7 has vertex 1000000"),

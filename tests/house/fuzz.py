@@ -3,8 +3,9 @@
     python tests/house/fuzz.py inputs 10000     what readers and commands make of damaged input
     python tests/house/fuzz.py scenes 1000      what the solver makes of random small scenes, at quality good; or: scenes 1000 draft
 
-Every input is either read or refused in one sentence, within ten seconds; every scene gives finite light within ten seconds and
-accounts for its energy within 1 % at quality good, 3 % at draft. Prints what does not, by its seed, and the figures of all; exit code 1 when something does not.
+Every input is either read or refused in one sentence, within ten seconds; every scene gives finite light within ten seconds
+and accounts for its energy within 1 % at quality good, 3 % at draft. Prints what does not, by its seed, and the figures of all;
+exit code 1 when something does not.
 """
 
 import contextlib
