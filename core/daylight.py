@@ -13,6 +13,7 @@ from .occlusion import Blockers, Bodies
 from .outdoors import Outdoors, openings
 from .patches import Patches
 from .point_lights import disc
+from .polygons import clip_half
 from .scene import OUTSIDE, Portals
 from .transport import edge_sum, lambert
 
@@ -164,7 +165,14 @@ def sky_light(sky: Sky, corners: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """(m, 3) irradiance, W/m2, from the sky within cones (m, k, 3) before the receivers."""
     if sky.radiance.shape[:2] == (1, 1):
         return np.pi * edge_sum(corners, normals)[:, None] * sky.radiance[0, 0].astype(np.float64)
-    return shaded(corners, normals, lambda row, direction: np.pi * radiance_towards(sky, direction), SKY_SHARE)
+    out = np.zeros((len(corners), 3))
+    height = corners[..., 2]
+    # Nothing is as uneven as the horizon: no part of the sky reaches over it.
+    for sign in (1, -1):
+        over = np.flatnonzero((sign * height > 0).any(1))
+        parts = clip_half(corners[over], sign * height[over])
+        out[over] += shaded(parts, normals[over], lambda row, direction: np.pi * radiance_towards(sky, direction), SKY_SHARE)
+    return out
 
 
 def radiance_towards(sky: Sky, directions: np.ndarray) -> np.ndarray:
