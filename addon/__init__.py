@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import atexit
 
-import bpy  # noqa: F401  # its other modules, such as bmesh, can be imported only after it
+import bpy  # its other modules, such as bmesh, can be imported only after it
 
 from . import (
     check_operators,
@@ -58,7 +58,8 @@ def register() -> None:
     for module in MODULES:
         module.register()
     # In plain Python nobody disables an extension before the end, and some versions of bpy crash on what is still registered then.
-    atexit.register(unregister)
+    if not bpy.app.binary_path:
+        atexit.register(unregister)
 
 
 def unregister() -> None:

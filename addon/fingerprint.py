@@ -26,12 +26,14 @@ _IDLE = ("threads", "store", "memory", "ordering")
 _SURFACES = ("MESH", "CURVE", "SURFACE", "META", "FONT", "LIGHT")
 
 _PLAIN = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
-_LOOKS = {"name", "name_full", "location", "location_absolute", "width", "height", "select", "show_options", "show_preview", "hide",
-          "label", "use_custom_color", "color", "is_active_output", "show_texture", "is_evaluated", "is_editmode", "use_fake_user", "users",
-          "tag", "is_library_indirect", "is_missing", "is_runtime_data", "is_embedded_data", "show_expanded", "show_viewport",
-          "show_in_editmode", "show_on_cage", "is_active", "execution_time", "use_pin_to_last", "persistent_uid", "session_uid",
-          "dimensions", "use_nodes", "warning_propagation", "bl_idname", "bl_label"}  # fmt: skip
+_LOOKS = {"name", "name_full", "select", "use_fake_user", "users", "tag", "is_library_indirect", "is_missing", "is_runtime_data",
+          "is_embedded_data", "is_evaluated", "is_editmode", "show_expanded", "show_viewport", "show_in_editmode", "show_on_cage",
+          "is_active", "execution_time", "use_pin_to_last", "persistent_uid", "session_uid", "use_nodes"}  # fmt: skip
 """Properties that only say how something looks in an editor, or that Blender counts."""
+
+_NODE_LOOKS = frozenset(("location", "location_absolute", "width", "height", "dimensions", "color", "use_custom_color", "label", "hide",
+                         "show_options", "show_preview", "show_texture", "is_active_output", "warning_propagation",
+                         "bl_idname", "bl_label"))  # fmt: skip
 
 
 def fingerprint(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, options: Options, bake: BakeOptions) -> str:
@@ -146,7 +148,9 @@ def _nodes(tree: bpy.types.NodeTree, depth: int = 0) -> bytes:
         if node.bl_idname in ("NodeFrame", "NodeReroute"):
             continue
         values = [_value(socket.default_value) for socket in (*node.inputs, *node.outputs) if hasattr(socket, "default_value")]
-        parts.append(repr((node.name, node.bl_idname, node.mute, values, _name(getattr(node, "image", None)))).encode() + _plain(node))
+        parts.append(
+            repr((node.name, node.bl_idname, node.mute, values, _name(getattr(node, "image", None)))).encode() + _plain(node, _NODE_LOOKS)
+        )
         inner = getattr(node, "node_tree", None)
         if inner is not None and depth < 8:
             parts.append(_nodes(inner, depth + 1))
@@ -157,12 +161,12 @@ def _nodes(tree: bpy.types.NodeTree, depth: int = 0) -> bytes:
     return b"|".join(parts)
 
 
-def _plain(data: bpy.types.bpy_struct) -> bytes:
+def _plain(data: bpy.types.bpy_struct, without: frozenset[str] = frozenset()) -> bytes:
     """All numbers, texts and choices of a piece of Blender data, and the names of what it points at."""
     values = []
     for prop in data.bl_rna.properties:
         key = prop.identifier
-        if key in _LOOKS:
+        if key in _LOOKS or key in without:
             continue
         if prop.type in _PLAIN and not (prop.is_readonly and prop.type == "STRING"):
             values.append((key, _value(getattr(data, key))))

@@ -7,6 +7,7 @@ import bpy
 
 from . import operators, outdated, viewport
 from .presets import ENFILADE_PT_presets
+from .roles import rooms_of
 from .setup_panel import draw_setup
 
 
@@ -32,8 +33,8 @@ def _draw_after(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     if outdated.outdated(context.scene):
         layout.label(text="Out of date: something has changed", icon="ERROR")
     if context.scene.enfilade.summary:
-        row = layout.row()
-        row.operator("enfilade.bake", text="Rooms of Selection", icon="FILE_REFRESH").scope = "SELECTED"
+        if len(rooms_of(context.scene)) > 1:
+            layout.operator("enfilade.bake", text="Rooms of Selection", icon="FILE_REFRESH").scope = "SELECTED"
         column = layout.column(align=True)
         column.active = False
         for part in _lines(context.scene.enfilade.summary):

@@ -274,3 +274,27 @@ def test_what_cannot_be_written_is_a_sentence(shop, tmp_path):
     with pytest.raises(RuntimeError, match="none"):
         bpy.ops.enfilade.export_gltf(filepath=str(tmp_path / "none" / "a.glb"))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_recipe_for_blenders_own_exporter(shop, tmp_path):
+    """A Color Attribute node at the Base Color brings the bake into COLOR_0, in all versions and in full range."""
+    import addon_utils
+
+    addon_utils.enable("io_scene_gltf2")
+    paint = shop.material("Paint")
+    thing = shop.box((0, 0, 0), (1, 1, 1), "Room", material=paint)
+    shop.bake()
+    tree = paint.node_tree
+    node = tree.nodes.new("ShaderNodeVertexColor")
+    node.layer_name = "Enfilade"
+    principled = next(n for n in tree.nodes if n.type == "BSDF_PRINCIPLED")
+    tree.links.new(node.outputs["Color"], principled.inputs["Base Color"])
+    shop.bpy.ops.export_scene.gltf(filepath=str(tmp_path / "own.glb"), export_format="GLB")
+    file = Glb(tmp_path / "own.glb")
+    (primitive,) = file.json["meshes"][0]["primitives"]
+    accessor = file.json["accessors"][primitive["attributes"]["COLOR_0"]]
+    color = np.frombuffer(file.view(accessor["bufferView"]), "<f4").reshape(accessor["count"], -1)[:, :3]
+    at = file.array(primitive["attributes"]["POSITION"])
+    assert color == pytest.approx(shop.light(np.stack([at[:, 0], -at[:, 2], at[:, 1]], 1)) * 0.5 / math.pi, rel=1e-5)
+    assert color.max() > 1
+    assert len(thing.data.color_attributes) == 1

@@ -68,6 +68,8 @@ CHANGES = {
     "modifier": lambda shop, made: made["Lamp"].modifiers.new("Thick", "SOLIDIFY"),
     "quality": lambda shop, made: setattr(shop.bpy.context.scene.enfilade.solve, "quality", "fine"),
     "unit": lambda shop, made: setattr(shop.bpy.context.scene.unit_settings, "scale_length", 0.5),
+    "role": lambda shop, made: setattr(shop.bpy.data.collections["East"].enfilade, "role", "IGNORED"),
+    "left out": lambda shop, made: setattr(made["Lamp"].enfilade, "left_out", True),
     "flipped": lambda shop, made: made["West"].data.flip_normals(),
     "parent": lambda shop, made: (
         setattr(made["Lamp"], "parent", shop.bpy.data.objects.new("Hook", None)),
@@ -83,6 +85,29 @@ def test_changes_of_the_scene_count(shop, baked, change):
     assert stale(shop), change
     shop.bpy.ops.enfilade.clear()
     assert not stale(shop)
+
+
+@pytest.mark.parametrize("kind", ["POINT", "SUN", "AREA", "SPOT"])
+def test_lamps_and_sky_count(shop, kind):
+    bpy = shop.bpy
+    shop.two_rooms()
+    lamp = bpy.data.objects.new("Bulb", bpy.data.lights.new("Bulb", kind))
+    bpy.data.collections["West"].objects.link(lamp)
+    world = bpy.context.scene.world = bpy.data.worlds.new("Sky")
+    if world.node_tree is None:
+        world.use_nodes = True
+    shop.bake()
+    assert not stale(shop)
+    strength = next(n for n in world.node_tree.nodes if n.type == "BACKGROUND").inputs["Strength"]
+    for target, key, value in ((lamp.data, "energy", 55.0), (lamp.data, "color", (1, 0, 0)), (strength, "default_value", 3.0)):
+        old = getattr(target, key)
+        old = tuple(old) if key == "color" else old
+        setattr(target, key, value)
+        assert stale(shop), key
+        setattr(target, key, old)
+        assert not stale(shop), key
+    lamp.rotation_euler.x = 0.5
+    assert stale(shop)
 
 
 def test_what_changes_no_light_does_not_count(shop, baked):
