@@ -12,6 +12,7 @@ from . import (
     command_line,
     gltf_operators,
     last_light,
+    menus,
     operators,
     outdated,
     overlay,
@@ -48,6 +49,7 @@ MODULES = (
     setup_panel,
     check_operators,
     overlay_panel,
+    menus,
     command_line,
 )
 """In the order of their registration: panels draw what the properties hold."""

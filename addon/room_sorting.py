@@ -11,6 +11,7 @@ import bmesh
 import bpy
 import numpy as np
 
+from ..core.face_checks import islands
 from ..core.room_finding import FoundRooms, find_rooms, rooms_of_objects
 from ..core.scene import OUTSIDE, SceneError
 from .extract import Built, Opening, Part, assemble, fan, parts_of, portal_faces
@@ -200,12 +201,12 @@ def _can_be_cut(seen: Survey, thing: bpy.types.Object) -> bool:
 
 
 def _cut_apart(seen: Survey, thing: bpy.types.Object, own: np.ndarray, homes: list[bpy.types.Collection]) -> dict[int, bpy.types.Object]:
-    """The object, left with the faces of its main room and those that look into none, and a new one for every other room."""
+    """The object, left with the faces of its main room, and a new one for every other room."""
     k = next(k for k, part in enumerate(seen.parts) if part.owner == thing)
     part = seen.parts[k]
     votes = np.zeros((len(part.mesh.face_start) - 1, len(own)))
     np.add.at(votes, part.faces.face, seen.rooms.spread[seen.built.object == k][:, own])
-    room = own[votes.argmax(axis=1)]  # a face that looks into none stays with the first, the main room
+    room = own[_decided(seen, part, votes, own)]
     pieces = {int(own[0]): thing}
     for r in own[1:]:
         if (room == r).any():
@@ -217,6 +218,24 @@ def _cut_apart(seen: Survey, thing: bpy.types.Object, own: np.ndarray, homes: li
             pieces[int(r)] = piece
     _keep_faces(thing.data, np.isin(room, [r for r in own if int(r) not in pieces or r == own[0]]))
     return pieces
+
+
+def _decided(seen: Survey, part: Part, votes: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """(F,) the column of ``votes`` (F, n), m2, that each face goes to.
+
+    A face that looks into no room goes with what it hangs together with, and where that does not help into the nearest room.
+    """
+    mesh = part.mesh
+    island = islands(mesh.corner_vertex, mesh.face_start)
+    together = np.zeros((int(island.max(initial=-1)) + 1, votes.shape[1]))
+    np.add.at(together, island, votes)
+    votes = np.where(votes.any(axis=1, keepdims=True), votes, together[island])
+    lost = np.flatnonzero(~votes.any(axis=1))
+    if len(lost):
+        corners = [mesh.position[mesh.corner_vertex[a:b]] for a, b in zip(mesh.face_start[lost], mesh.face_start[lost + 1], strict=True)]
+        near = seen.rooms.near(np.array([at.mean(axis=0) for at in corners]))
+        votes[lost] = near[:, None] == own
+    return votes.argmax(axis=1)
 
 
 def _keep_faces(mesh: bpy.types.Mesh, keep: np.ndarray) -> None:

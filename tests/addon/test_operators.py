@@ -164,15 +164,24 @@ def test_nothing_is_left_after_unregister(shop):
 
     def ours():
         kinds = (bpy.types.Scene, bpy.types.Object, bpy.types.Mesh, bpy.types.Image, bpy.types.Material, bpy.types.WindowManager)
+        kinds = (*kinds, bpy.types.Collection, bpy.types.Light, bpy.types.World)
         found = [f"{kind.__name__}.{name}" for kind in kinds for name, _ in kind.bl_rna.properties.items() if "enfilade" in name]
         found += [n for n in dir(bpy.types) if "ENFILADE" in n.upper()]
         for name in dir(bpy.app.handlers):
             functions = getattr(bpy.app.handlers, name)
             if isinstance(functions, list):
                 found += [f"{name}: {f.__name__}" for f in functions if (f.__module__ or "").startswith("enfilade")]
+        for menu in (bpy.types.VIEW3D_MT_object, bpy.types.VIEW3D_MT_edit_mesh_faces):
+            drawn = getattr(menu.draw, "_draw_funcs", [])
+            found += [f"{menu.__name__}: {f.__name__}" for f in drawn if (f.__module__ or "").startswith("enfilade")]
+        if any(
+            "ENFILADE" in kind.__name__ for kind in bpy.types.AddonPreferences.__subclasses__() if getattr(kind, "is_registered", False)
+        ):
+            found.append("preferences")
         return found + [f"ops.{n}" for n in dir(bpy.ops.enfilade)]
 
     before = ours()
+    assert {"preferences", "VIEW3D_MT_object: _in_object_menu"} <= set(before)
     assert len(before) > 40
     assert any(name.startswith("depsgraph_update_post") for name in before)
     from enfilade.addon import command_line
