@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .box_tree import BoxTree
 from .grouping import ragged, starts_of
 from .occlusion import Blockers, first_hits, flat_blockers
 from .regions import Regions
@@ -48,6 +49,8 @@ def find_leaks(regions: Regions, blockers: Blockers, portals: Portals, room_coun
     """
     places = _Places(regions, blockers, portals, room_count)
     origin, direction, room = _rays(regions, blockers, room_count, rays)
+    clear = ~_in_a_door(places, origin, room)
+    origin, direction, room = origin[clear], direction[clear], room[clear]
     reach, other = _follow(places, origin, direction, room)
     rows = np.flatnonzero(other >= 0)
     u = np.cross(direction[rows], np.eye(3, dtype=np.float32)[np.abs(direction[rows]).argmin(axis=1)])
@@ -73,7 +76,7 @@ class _Places:
 
     def __init__(self, regions: Regions, blockers: Blockers, portals: Portals, room_count: int) -> None:
         self.blockers, self.region_room = blockers, regions.room
-        self.portal_rooms, self._openings = portals.rooms, _triangles(portals, regions.centre)
+        self.portal_rooms, self.openings = portals.rooms, _triangles(portals, regions.centre)
         self._low, self._high = np.full((room_count, 3), np.inf), np.full((room_count, 3), -np.inf)
         np.minimum.at(self._low, regions.room, regions.box_min - 10 * blockers.clearance)
         np.maximum.at(self._high, regions.room, regions.box_max + 10 * blockers.clearance)
@@ -96,8 +99,8 @@ class _Places:
 
     def doors_of(self, room: int, origin: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Way (n,) to the nearest portal of ``room``, infinite for none, and the portal (n,)."""
-        of_room = (self.portal_rooms[self._openings.region] == room).any(axis=1)
-        way, portal, _ = _first(self._openings.take(np.flatnonzero(of_room)), origin, direction)
+        of_room = (self.portal_rooms[self.openings.region] == room).any(axis=1)
+        way, portal, _ = _first(self.openings.take(np.flatnonzero(of_room)), origin, direction)
         return way, portal
 
 
@@ -140,6 +143,20 @@ def _rays(regions: Regions, blockers: Blockers, room_count: int, rays: int) -> t
     direction = radius * (np.cos(angle) * u + np.sin(angle) * np.cross(normal, u)) + np.sqrt(1.0 - radius**2) * normal
     origin = corner[piece, 0] + s * a[piece] + t * b[piece]
     return origin.astype(np.float32), direction.astype(np.float32), room
+
+
+def _in_a_door(places: _Places, origin: np.ndarray, room: np.ndarray) -> np.ndarray:
+    """(n,) bool: the origin lies in an opening of its room. Which way it passes that is chance: it has no distance from there."""
+    openings, margin = places.openings, 10 * places.blockers.clearance
+    rooms = places.portal_rooms[openings.region]
+    low, high = (np.tile(x.astype(np.float64), (2, 1)) for x in (openings.corners.min(axis=1), openings.corners.max(axis=1)))
+    out = np.zeros(len(origin), bool)
+    tree = BoxTree(low - margin, high + margin, np.concatenate([rooms[:, 0], rooms[:, 1]]))
+    for opening, ray in tree.overlaps(origin.astype(np.float64), origin.astype(np.float64), room):
+        k = opening % max(len(openings), 1)
+        height = np.einsum("ij,ij->i", origin[ray], openings.normal[k]) - openings.offset[k, 0]
+        out[ray[np.abs(height) <= margin]] = True
+    return out
 
 
 def _follow(places: _Places, origin: np.ndarray, direction: np.ndarray, room: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from enfilade.core import leaks
 from enfilade.core.leaks import find_leaks
 from enfilade.core.occlusion import blockers_of
 from enfilade.core.regions import merge
@@ -119,3 +120,17 @@ def test_a_house_leaks_where_a_door_has_lost_its_portal():
 
 def test_no_portals_and_one_room():
     assert leaks_of(scene_of(box(), portals=no_portals()), rays=500) == ()
+
+
+@pytest.mark.parametrize("turn", [np.eye(3), rotation(3)], ids=["straight", "turned"])
+def test_no_line_starts_in_an_opening(turn):
+    # From within rounding of a portal's plane a line passes it at no distance, which is not passing it.
+    scene = rooms(HOLE, portals_of([DOOR @ turn.T], [[0, 1]]), turn)
+    regions = merge(scene)
+    blockers = blockers_of(regions)
+    places = leaks._Places(regions, blockers, scene.portals, 2)
+    x = np.array([4.1, 4.1 - 1e-5, 4.1 + 1e-5, 4.1 - 1e-3, 4.1, 4.1, 4.1])
+    y, room = np.array([1.5, 1.0, 1.2, 1.5, 3.9, 1.5, 1.5]), np.array([0, 0, 1, 0, 0, 1, 0])
+    origin = (np.column_stack([x, y, np.full(7, 0.5)]) @ turn.T - regions.centre).astype(np.float32)
+    assert leaks._in_a_door(places, origin, room).tolist() == [True, True, True, False, False, True, True]
+    assert leaks_of(scene, rays=4000) == ()
