@@ -12,6 +12,7 @@ from . import (
     command_line,
     gltf_operators,
     last_light,
+    light_report,
     menus,
     operators,
     outdated,
@@ -49,6 +50,7 @@ MODULES = (
     setup_panel,
     check_operators,
     overlay_panel,
+    light_report,
     menus,
     command_line,
 )

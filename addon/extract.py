@@ -413,7 +413,10 @@ def _portals(built: Built, room: np.ndarray, openings: list[Opening], found: Mem
         return no_portals()
     corner, _ = ragged(start[good], np.diff(start)[good])
     ends = np.concatenate([[0], np.cumsum(np.diff(start)[good])]).astype(np.int64)
-    return Portals(corners[corner], ends, rooms[good], tuple(openings[k].name for k in good))
+    # Properties are of single precision: 0.8 must not come back as 0.800000012.
+    glass = np.round([openings[k].thing.enfilade.transmittance for k in good], 6)
+    names = tuple(openings[k].name for k in good)
+    return Portals(corners[corner], ends, rooms[good], names, transmittance=glass if (glass < 1).any() else None)
 
 
 def _names(names: list[str] | tuple[str, ...], most: int = 5) -> str:

@@ -131,6 +131,14 @@ class ENFILADE_PG_object(bpy.types.PropertyGroup):
     left_out: bpy.props.BoolProperty(
         name="Left Out", description="This object takes no part in the bake: light passes it as if it were not there", default=False
     )
+    transmittance: bpy.props.FloatProperty(
+        name="Glass",
+        description="Part of the light that this portal lets through: 1 for an opening, about 0.8 for a double-glazed window",
+        default=1.0,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+    )
     carries: bpy.props.PointerProperty(
         type=bpy.types.Object, options={"HIDDEN"}, description="The object that this subdivided copy stands for"
     )

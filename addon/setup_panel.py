@@ -103,6 +103,7 @@ class ENFILADE_PT_object(bpy.types.Panel):
             column.active = thing.enfilade.by_hand
             column.prop(thing.enfilade, "behind")
             column.prop(thing.enfilade, "in_front")
+            layout.prop(thing.enfilade, "transmittance")
         elif not thing.enfilade.left_out and thing not in rendered_objects(context.view_layer):
             note = layout.row()
             note.active = False

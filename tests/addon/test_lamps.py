@@ -184,6 +184,14 @@ def test_instances_of_lamps_shine_too(shop):
     np.testing.assert_allclose(points.position, [[0.5, 0.5, 0.5]])
 
 
+def test_portals_have_their_glass(shop):
+    things = shop.two_rooms()
+    assert shop.extract().scene.portals.transmittance is None
+    portals = [thing for name, thing in things.items() if thing.users_collection[0].name == "Portals"]
+    portals[0].enfilade.transmittance = 0.8
+    assert 0.8 in shop.extract().scene.portals.transmittance.tolist()
+
+
 # ---------------------------------------------------------------------------------------------------------- world
 
 
