@@ -131,39 +131,72 @@ class LinkCollector:
         return LinkSet(a, b, data[2 * rows :].reshape(rows, i, j), two_way), 0
 
 
-def received(forest: Forest, links: list[LinkSet], exitance: np.ndarray, allocate: Allocate = np.zeros) -> np.ndarray:
-    """(E, m, 1) float32 coefficients of the irradiance at every element, ancestors included, from exitance (E, m, 1) of all."""
-    return forest.push(_arriving(forest, links, lambda elements: exitance[elements], allocate))
+@dataclass(frozen=True)
+class Gains:
+    """(E, q*q) float32 factors for what the nodes of leaves receive over their links, and for what they send; 1 elsewhere."""
+
+    received: np.ndarray
+    sent: np.ndarray
 
 
-def closing_gain(
+def closing_gains(
     forest: Forest, links: list[LinkSet], closed: np.ndarray, emitters: Emitters | None = None, allocate: Allocate = np.zeros
-) -> np.ndarray:
-    """(E, q*q) float32 factor for what the nodes of leaves receive that makes the links of every closed node add up to one.
+) -> Gains:
+    """The gains that close the links of leaves in closed rooms, those that are ``closed`` (E,) bool.
 
-    From exitance 1 all around, a point of a closed room receives exactly 1; what the links give instead is their error. A
-    node that sees next to nothing is left at 1, as is every node that is not ``closed`` (E,) bool.
+    From exitance 1 all around, a point of a closed room receives exactly 1, and all that a point sends arrives; what the links give
+    instead is their error. One gain makes up for what the other leaves, in turn (Sinkhorn and Knopp 1967): that of what is received,
+    of what is sent, and of what is received once more. A node that sees next to nothing is left at 1.
     """
+    emitters = emitters or emitters_of(forest, forest.region, len(forest.regions))
     one = np.zeros((1, forest.functions, 1), np.float32)
     one[:, 0] = 1
-    own = _arriving(forest, links, lambda elements: np.broadcast_to(one, (len(elements), *one.shape[1:])), allocate)
-    gain = allocate((len(forest), forest.node_count), np.float32)
-    emitters = emitters or emitters_of(forest, forest.region, len(forest.regions))
-    for places in emitters.blocks():
-        elements, trees = emitters.order[places], emitters.trees_of_block(forest, places)
-        total = forest.at_nodes(elements, trees.push(own[elements]))[..., 0]
-        leaf = closed[elements] & (forest.children[elements] < 0).all(1)
-        known = leaf[:, None] & (total > CLOSURE[0]) & (total < CLOSURE[1])
-        gain[elements] = np.where(known, 1 / np.where(known, total, 1), 1)
-    return gain
+
+    def gain(exitance: Callable[[np.ndarray], np.ndarray], ways: Callable[[LinkSet], Iterator]) -> np.ndarray:
+        own = _arriving(forest, links, ways, exitance, allocate)
+        out = allocate((len(forest), forest.node_count), np.float32)
+        for places in emitters.blocks():
+            elements, trees = emitters.order[places], emitters.trees_of_block(forest, places)
+            total = forest.at_nodes(elements, trees.push(own[elements]))[..., 0]
+            leaf = closed[elements] & (forest.children[elements] < 0).all(1)
+            known = leaf[:, None] & (total > CLOSURE[0]) & (total < CLOSURE[1])
+            out[elements] = np.where(known, 1 / np.where(known, total, 1), 1)
+        return out
+
+    def pulled(node_values: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+        out = allocate((len(forest), forest.functions, 1), np.float32)
+        for places in emitters.blocks():
+            elements = emitters.order[places]
+            leaf = (forest.children[elements] < 0).all(1)[:, None, None]
+            values = forest.from_nodes(elements, node_values[elements, :, None])
+            out[elements] = emitters.trees_of_block(forest, places).pull(np.where(leaf, values, 0))
+        return lambda elements: out[elements]
+
+    received = gain(lambda elements: np.broadcast_to(one, (len(elements), *one.shape[1:])), directions)
+    sent = gain(pulled(received), directions_back)
+    return Gains(gain(pulled(sent), directions), sent)
 
 
-def _arriving(forest: Forest, links: list[LinkSet], exitance: Callable[[np.ndarray], np.ndarray], allocate: Allocate) -> np.ndarray:
-    """(E, m, 1) float32 coefficients of what every element receives over its own links from ``exitance`` (n, m, 1) of elements (n,)."""
+def received(forest: Forest, links: list[LinkSet], exitance: np.ndarray, allocate: Allocate = np.zeros) -> np.ndarray:
+    """(E, m, 1) float32 coefficients of the irradiance at every element, ancestors included, from exitance (E, m, 1) of all."""
+    return forest.push(_arriving(forest, links, directions, lambda elements: exitance[elements], allocate))
+
+
+def _arriving(
+    forest: Forest,
+    links: list[LinkSet],
+    ways: Callable[[LinkSet], Iterator],
+    exitance: Callable[[np.ndarray], np.ndarray],
+    allocate: Allocate,
+) -> np.ndarray:
+    """(E, m, 1) float32 coefficients of what every element receives over its own links from ``exitance`` (n, m, 1) of elements (n,).
+
+    ways : :func:`directions`, or :func:`directions_back`
+    """
     gathered = allocate((len(forest), forest.node_count, 1), np.float32)
     constant = allocate((len(forest), 1), np.float32)
     for group in blocks(links):
-        for source, receiver, exchange in directions(group):
+        for source, receiver, exchange in ways(group):
             power = forest.at_nodes(source, exitance(source))[..., 0] * forest.node_weights[source]
             if exchange.shape[2] == 1:
                 power = power.sum(1, keepdims=True)
@@ -189,3 +222,10 @@ def directions(group: LinkSet) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndar
     yield group.b, group.a, group.exchange
     if group.two_way:
         yield group.a, group.b, group.exchange.transpose(0, 2, 1)
+
+
+def directions_back(group: LinkSet) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """As :func:`directions`, for light that takes every way from its end to its beginning."""
+    yield group.a, group.b, group.exchange.transpose(0, 2, 1)
+    if group.two_way:
+        yield group.b, group.a, group.exchange

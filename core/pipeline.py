@@ -78,13 +78,13 @@ def _steps(scene: Scene, options: Options, desk: Workspace) -> Generator[Progres
     clusters, by_cluster = building.clusters, options.emitters == "clusters"
     unit, units = (np.arange(len(clusters)), len(clusters)) if by_cluster else (clusters.room, scene.room_count)
     emitters = emitters_of(forest, unit[clusters.cluster_of[forest.region]], units, space.zeros)
-    gain = links.closing_gain(forest, linked.links, closed[surfaces.room[forest.region]], emitters, space.zeros)
+    gains = links.closing_gains(forest, linked.links, closed[surfaces.room[forest.region]], emitters, space.zeros)
     yield Progress("solve", 0.7, f"Ordering {units:,} emitters")
     sets = ordering.visible_sets(building.graph, clusters.polygons, unit, units)
     strategy = ordering.STRATEGIES[options.ordering](sets)
     routes = stages.routes_of(linked.links, emitters, space)
     emitted = emitted_power(building) + lamp_power(scene.lamps) + entered_power(building, forest, lamps, light, desk.crew)
-    shooter = Shooter(forest, routes, emitters, light, gain, emitted, space)
+    shooter = Shooter(forest, routes, emitters, light, gains, emitted, space)
     radiosity = yield from stages.shoot(
         shooter, strategy, rng, limits.unshot, options, desk, lambda: so_far(forest, light, shooter.so_far())
     )

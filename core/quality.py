@@ -30,9 +30,9 @@ class Tolerances:
 
 # Fractions of the root of a typical room's surface for min_size; the rest by measurement on the bench scenes.
 _TABLE = {
-    "draft": (4e-3, 1.2e-2, 1 / 32, 3e-3, 96),
-    "good": (1e-3, 2e-3, 1 / 100, 1e-3, 384),
-    "fine": (1e-4, 8e-4, 1 / 144, 3e-4, 2048),
+    "draft": (4e-3, 1.2e-2, 1 / 32, 1e-3, 96),
+    "good": (1e-3, 2e-3, 1 / 100, 1e-4, 384),
+    "fine": (1e-4, 8e-4, 1 / 144, 3e-5, 2048),
 }
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from .elements import Forest, Subtrees
 from .emitters import Emitters
-from .links import BLOCK
+from .links import BLOCK, Gains
 from .ordering import Candidates, Strategy
 from .routes import Beam, Routes
 from .store import Residency, Space, give_back
@@ -50,7 +50,7 @@ class Shooter:
 
     routes : the links of ``emitters``, whose elements are those of ``forest``
     direct : (E, m, 3) irradiance from luminaires at every element, ancestors included
-    gain : (E, q*q) factor for what each node of a leaf receives over its links;  emitted : W, for the convergence test
+    gains : of the links;  emitted : W, for the convergence test
     space : where the light is kept. What is not in memory of it goes to disk emitter by emitter.
     """
 
@@ -60,12 +60,12 @@ class Shooter:
         routes: Routes,
         emitters: Emitters,
         direct: np.ndarray,
-        gain: np.ndarray,
+        gains: Gains,
         emitted: float,
         space: Space | None = None,
     ):
         self._forest, self._routes, self._emitters, self._emitted = forest, routes, emitters, emitted
-        self._first, self._gain = direct, gain
+        self._first, self._gains = direct, gains
         self._space = space or Space()
         self._trees: dict[int, Subtrees] = {}
         self._light, mapped = self._space.paged(len(forest), _light_of(forest))
@@ -160,15 +160,15 @@ class Shooter:
         light["gathered"] = 0
         light["constant"] = 0
         light["total"] += received
-        total = self._corrected(trees.push(received), own)
+        total = self._times(self._gains.received, trees.push(received), own)
         if self._fresh[emitter]:
             total = total + self._first[own]
             self._fresh[emitter] = False
-        return trees.pull(total * self._reflectance(own)[:, None])
+        return trees.pull(self._times(self._gains.sent, total, own) * self._reflectance(own)[:, None])
 
-    def _corrected(self, light: np.ndarray, elements: np.ndarray) -> np.ndarray:
+    def _times(self, gains: np.ndarray, light: np.ndarray, elements: np.ndarray) -> np.ndarray:
         """Irradiance (n, m, 3) of elements times the gain at their nodes; only leaves matter, the others are pulled from them."""
-        gain = self._gain[elements]
+        gain = gains[elements]
         leaf = np.flatnonzero(_leaf(self._forest, elements) & (gain != 1).any(1))
         ids = elements[leaf]
         light[leaf] = self._forest.from_nodes(ids, self._forest.at_nodes(ids, light[leaf]) * gain[leaf, :, None])
@@ -214,10 +214,10 @@ class Shooter:
             rest = _received(forest, own, light)
             waiting = self._fresh[emitters.of(np.arange(places.start, places.stop))][:, None, None]
             leaf = _leaf(forest, own)
-            left = self._corrected(trees.push(rest), own) + np.where(waiting, self._first[own], 0)
+            left = self._times(self._gains.received, trees.push(rest), own) + np.where(waiting, self._first[own], 0)
             exitance = np.abs(forest.mean(own[leaf], left[leaf])) * self._reflectance(own[leaf])
             brightest = max(brightest, float(exitance.max(initial=0.0)))
-            total = self._corrected(trees.push(light["total"] + rest), own)
+            total = self._times(self._gains.received, trees.push(light["total"] + rest), own)
             out[own] = trees.pull(np.where(leaf[:, None, None], total, 0))
             self._page_out(places.start, places.stop)
             self._space.breathe()

@@ -38,7 +38,7 @@ def measure(quick: bool) -> Table:
     return Table(
         "Energy",
         "Every cluster shoots the light that it has in the end, once. What arrives is summed over its links with the closing "
-        "gain; what is lost is told by "
+        "gains; what is lost is told by "
         f"{RAYS:,} rays for each cluster, which know nothing of links. Power between regions both ways, in float64: over links "
         "that are one number for "
         "both ways, and over those of touching elements, which are fitted to the exact formula from either side. Values at the "
@@ -81,15 +81,16 @@ def balance(solved: Solved) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     light = solved.solution.light
     reflectance = building.regions.reflectance[forest.region, 0]
     exitance = ((light.direct + light.reflected)[..., :1] * reflectance[:, None, None]).astype(np.float32)
+    gained = forest.from_nodes(everything, forest.at_nodes(everything, exitance) * solved.gains.sent[..., None])
     power = (forest.at_nodes(everything, exitance)[..., 0] * forest.node_weights).astype(float)
     unit = building.clusters.cluster_of[forest.region]
     shot = np.bincount(unit[leaf], power[leaf].sum(1), minlength=len(building.clusters))
     shooters = np.flatnonzero(shot > 1e-6 * shot.sum())
     arrived, lost = np.zeros(len(shooters)), np.zeros(len(shooters))
     for k, shooter in enumerate(shooters):
-        sent = np.where((unit == shooter)[:, None, None], exitance, np.float32(0))
+        sent = forest.pull(np.where(((unit == shooter) & forest.leaf)[:, None, None], gained, np.float32(0)))
         nodes = forest.at_nodes(everything, received(forest, solved.links, sent))[leaf, :, 0].astype(float)
-        arrived[k] = (nodes * solved.gain[leaf] * forest.node_weights[leaf]).sum()
+        arrived[k] = (nodes * solved.gains.received[leaf] * forest.node_weights[leaf]).sum()
         own = leaf[unit[leaf] == shooter]
         lost[k] = shot[shooter] * _lost_share(solved, own, power[own])
     return shot[shooters], arrived, lost

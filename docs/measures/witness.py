@@ -11,12 +11,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from unittest.mock import patch
 
-import numpy as np
 
 from ...core import pipeline, refinement
 from ...core.building import Building
 from ...core.elements import Forest
-from ...core.links import LinkSet
+from ...core.links import Gains, LinkSet
 from ...core.options import Options
 from ...core.quality import Tolerances
 from ...core.regions import Regions
@@ -26,29 +25,29 @@ from ...core.solution import Solution
 
 @dataclass(frozen=True)
 class Solved:
-    """A solution with the links of its elements and the gain (E, q*q) that closes them."""
+    """A solution with the links of its elements and the gains that close them."""
 
     solution: Solution
     building: Building
     forest: Forest
     links: list[LinkSet]
-    gain: np.ndarray
+    gains: Gains
 
 
 def solve_and_keep(scene: Scene, options: Options) -> Solved:
     """Solve a scene and keep what the light went over."""
     kept = {}
-    gain_of, sources_of = pipeline.links.closing_gain, pipeline.light_sources
+    gains_of, sources_of = pipeline.links.closing_gains, pipeline.light_sources
 
-    def closing_gain(forest, links, *rest):
-        kept.update(forest=forest, links=links, gain=gain_of(forest, links, *rest))
-        return kept["gain"]
+    def closing_gains(forest, links, *rest):
+        kept.update(forest=forest, links=links, gains=gains_of(forest, links, *rest))
+        return kept["gains"]
 
     def light_sources(building, *rest):
         kept["building"] = building
         return sources_of(building, *rest)
 
-    with patch.object(pipeline.links, "closing_gain", closing_gain), patch.object(pipeline, "light_sources", light_sources):
+    with patch.object(pipeline.links, "closing_gains", closing_gains), patch.object(pipeline, "light_sources", light_sources):
         return Solved(pipeline.solve(scene, options), **kept)
 
 

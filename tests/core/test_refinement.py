@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from enfilade.core import links
 from enfilade.core.elements import Forest
-from enfilade.core.links import LinkCollector, LinkSet, blocks, closing_gain, directions, joined, received
+from enfilade.core.links import LinkCollector, LinkSet, blocks, closing_gains, directions, joined, received
 from enfilade.core.transport import lambert
 from scenery import box, building_of, linked, portals_of, received_from, rectangle, region_means, rotation, scene_of, visible_form_factors
 
@@ -91,15 +91,26 @@ def test_every_point_of_a_closed_room_receives_from_all_sides(order):
 def test_the_gain_closes_rooms_that_are_closed_and_no_others():
     building = building_of(scene_of(box(high=(4, 3, 2.5))))
     forest, linking = linked(building, 2, 5e-4)
-    total, _ = node_totals(forest, linking)
     leaf = np.flatnonzero(forest.leaf)
-    everywhere = closing_gain(forest, linking.links, np.ones(len(forest), bool))
-    np.testing.assert_allclose(everywhere[leaf] * total, 1, atol=1e-5)
-    assert (everywhere[~forest.leaf] == 1).all()
+    gains = closing_gains(forest, linking.links, np.ones(len(forest), bool))
+    # What is sent evenly arrives evenly, and all that is sent arrives.
+    sent = forest.pull(np.where(forest.leaf[:, None, None], forest.from_nodes(np.arange(len(forest)), gains.sent[..., None]), 0))
+    arrived = forest.at_nodes(leaf, received(forest, linking.links, sent)[leaf])[..., 0] * gains.received[leaf]
+    np.testing.assert_allclose(arrived, 1, atol=1e-5)
+    light = np.random.default_rng(0).uniform(0, 1, (len(leaf), forest.node_count, 1)).astype(np.float32)
+    start = np.zeros((len(forest), forest.functions, 1), np.float32)
+    start[leaf] = forest.from_nodes(leaf, light * gains.sent[leaf, :, None])
+    arrived = forest.at_nodes(leaf, received(forest, linking.links, forest.pull(start))[leaf])[..., 0]
+    weight = forest.node_weights[leaf]
+    np.testing.assert_allclose((arrived * gains.received[leaf] * weight).sum(), (light[..., 0] * weight).sum(), rtol=1e-4)
+    raw = (forest.at_nodes(leaf, received(forest, linking.links, forest.pull(start))[leaf])[..., 0] * weight).sum()
+    assert abs(raw / (light[..., 0] * weight).sum() - 1) > 1e-3
+    for gain in (gains.received, gains.sent):
+        assert (gain[~forest.leaf] == 1).all()
     half = forest.region < 3
-    some = closing_gain(forest, linking.links, half)
-    np.testing.assert_array_equal(some[half], everywhere[half])
-    assert (some[~half] == 1).all()
+    for gain in vars(closing_gains(forest, linking.links, half)).values():
+        assert (gain[~half] == 1).all()
+        assert (gain[half & forest.leaf] != 1).any(1).all()
 
 
 # ------------------------------------------------------------------------------------------- the structure

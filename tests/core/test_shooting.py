@@ -5,6 +5,7 @@ import functools
 import numpy as np
 import pytest
 from enfilade.core.emitters import emitters_of
+from enfilade.core.links import Gains
 from enfilade.core.ordering import STRATEGIES, visible_sets
 from enfilade.core.ordering.candidates import max_energy
 from enfilade.core.routes import RoutesInMemory, RoutesOnDisk
@@ -49,9 +50,10 @@ class Case:
         start[self.leaf] = 0.1 * rng.normal(size=(len(self.leaf), forest.functions, 3))
         start[self.leaf, 0] += rng.uniform(0.5, 2, (len(self.leaf), 3))
         self.direct = forest.pull(start).astype(np.float32)
-        self.gain = np.ones((len(forest), forest.node_count), np.float32)
+        self.gains = Gains(*np.ones((2, len(forest), forest.node_count), np.float32))
         if gain:
-            self.gain[self.leaf] = rng.uniform(0.9, 1.1, (len(self.leaf), forest.node_count))
+            for factor in vars(self.gains).values():
+                factor[self.leaf] = rng.uniform(0.9, 1.1, (len(self.leaf), forest.node_count))
         self.emitted = 100.0
 
     def shooter(self, unit=None, direct=None, space=None):
@@ -59,7 +61,7 @@ class Case:
         direct = self.direct if direct is None else direct
         emitters = emitters_of(self.forest, unit, int(unit.max()) + 1)
         routes = RoutesInMemory(self.links, emitters) if space is None else RoutesOnDisk(self.links, emitters, space.zeros)
-        return Shooter(self.forest, routes, emitters, direct, self.gain, self.emitted, space)
+        return Shooter(self.forest, routes, emitters, direct, self.gains, self.emitted, space)
 
     def run(self, tolerance=1e-7, ordering="max_energy", iterations=1000, **more):
         return self.steps(ordering, 1, tolerance, iterations, **more)[-1]
@@ -78,7 +80,8 @@ class Case:
         count, m, q = len(forest), forest.functions, forest.node_count
         everything = np.arange(count)
         columns = np.zeros((count, m, len(leaf) * m))
-        columns[leaf] = np.eye(len(leaf) * m).reshape(len(leaf), m, -1)
+        sent = forest.at_nodes(leaf, np.eye(len(leaf) * m).reshape(len(leaf), m, -1)) * self.gains.sent[leaf][..., None]
+        columns[leaf] = forest.from_nodes(leaf, sent)
         power = forest.at_nodes(everything, forest.pull(columns)) * forest.node_weights[..., None].astype(float)
         gathered = np.zeros((count, q, len(leaf) * m))
         for group in self.links:
@@ -87,7 +90,7 @@ class Case:
                     sent = power[source] if exchange.shape[1] > 1 else power[source].sum(0, keepdims=True)
                     gathered[receiver] += exchange @ sent  # one receiving node: the same light for all nodes
         light = forest.push(forest.from_nodes(everything, gathered))[leaf]
-        return forest.from_nodes(leaf, forest.at_nodes(leaf, light) * self.gain[leaf][..., None]).reshape(len(leaf) * m, -1)
+        return forest.from_nodes(leaf, forest.at_nodes(leaf, light) * self.gains.received[leaf][..., None]).reshape(len(leaf) * m, -1)
 
     @functools.cached_property
     def exact(self):
