@@ -21,6 +21,7 @@ from .grouping import morton
 from .occlusion import Blockers, hemisphere, kronecker
 from .parallel import Crew
 from .ray_fans import Faces, Workspace, aimed, directed, faces_of, look
+from .short_paths import Ends, close, ends_of, followed, joined
 
 NEAR = 0.1
 """Form factor of a portal from which the rays of the hemisphere are enough of them."""
@@ -156,14 +157,16 @@ def _gather(building: Building, room: _Room, exitance: ExitanceMap, index, point
         form[:, k] = _form(points, normals, room.frames.corners[k])
     clear = form * (room.transmittance == 1)  # what is behind glass is seen through it alone, and dimmed
     near = np.where(clear.max(1, initial=0) > NEAR, clear.argmax(1), -1) if count else np.full(len(points), -1)
-    out, work = np.zeros((len(points), 3)), Workspace()
+    out, work, ends = np.zeros((len(points), 3)), Workspace(), []
     # Points that face one way share the directions of their rays, whatever surface they lie on.
     frames, way = np.unique(np.round(frame, 6).reshape(-1, 9), axis=0, return_inverse=True)
     way = way.reshape(-1)
     for portal in np.unique(near):
         for k in np.unique(way[near == portal]):
             rows = np.flatnonzero((near == portal) & (way == k))
-            _over_hemisphere(room.all_round[portal + 1], frames[k].reshape(3, 3), exitance, points, rows, rays, work, out)
+            ends += _over_hemisphere(
+                room, int(portal), frames[k].reshape(3, 3), building.blockers.normal, exitance, points, rows, rays, work, out
+            )
     for portal in range(count):
         rows = np.flatnonzero((form[:, portal] > 0) & (near != portal))
         corners = room.frames.corners[portal]
@@ -175,22 +178,49 @@ def _gather(building: Building, room: _Room, exitance: ExitanceMap, index, point
             mine = rows[number == n]
             dimmed = form[:, portal] * room.transmittance[portal]
             _through(room.beyond[portal], corners, exitance, points, normals, dimmed, mine, int(n), work, out)
+    if ends:
+        row, places = np.concatenate([row for row, _ in ends]), joined([place for _, place in ends])
+        light = followed(places, room.all_round, room.beyond, room.transmittance, building.blockers.normal, exitance, work)
+        _add(out, row, light / rays)
     return Gathered(index, out.astype(np.float32))
 
 
-def _over_hemisphere(faces: Faces, frame: np.ndarray, exitance: ExitanceMap, points, rows, rays: int, work: Workspace, out) -> None:
-    """Add to ``out`` (n, 3) what rays over the hemisphere find from the points ``rows``, all with one frame (3, 3)."""
+def _add(out: np.ndarray, row: np.ndarray, light: np.ndarray) -> None:
+    """Add light (s, 3) to ``out`` (n, 3) at ``row`` (s,)."""
+    for k in range(out.shape[1]):
+        out[:, k] += np.bincount(row, light[:, k], minlength=len(out))
+
+
+def _over_hemisphere(
+    room: _Room, portal: int, frame: np.ndarray, blocker_normals: np.ndarray, exitance: ExitanceMap, points, rows, rays: int, work, out
+) -> list[tuple[np.ndarray, Ends]]:
+    """Add to ``out`` (n, 3) what rays over the hemisphere find from the points ``rows``, all with one frame (3, 3), near ``portal`` or -1.
+
+    Returns the rays that end close by, which have not been counted: their points and ends.
+    """
+    faces = room.all_round[portal + 1]
+    ends = []
     sheaves = _sheaves(rays)
     direction, axis = (sheaves.direction @ frame).astype(np.float32), sheaves.axis @ frame
     normal = frame[2].astype(np.float32)
     top = (faces.corners @ normal).max(1)
     for part, centre, radius in _shelves(points, rows):
+        found = np.zeros((len(part), 3))
         ahead = top > (points[part] @ normal).min() + faces.clearance
         seen = faces.toward(centre, radius, axis, sheaves.angle) & ahead[:, None]
         for t in range(len(axis)):
             here = slice(sheaves.start[t], sheaves.start[t + 1])
             some = faces.take(np.flatnonzero(seen[:, t]))
-            out[part] += look(some, directed(some, direction[here]), exitance, points[part], work).sum(1) / rays
+            for sights in look(some, directed(some, direction[here]), exitance, points[part], work):
+                near = close(sights, exitance, normal, blocker_normals)
+                far, near = np.flatnonzero(~near), np.flatnonzero(near)
+                _add(found, sights.point[far], exitance.exitance[sights.texel[far]])
+                if len(near):
+                    sights = sights.take(near)
+                    row = part[sights.point]
+                    ends.append((row, ends_of(sights, points[row], direction[here][sights.ray], portal)))
+        out[part] += found / rays
+    return ends
 
 
 def _through(faces: Faces, portal: np.ndarray, exitance: ExitanceMap, points, normals, form, rows, rays: int, work: Workspace, out) -> None:
@@ -210,7 +240,10 @@ def _through(faces: Faces, portal: np.ndarray, exitance: ExitanceMap, points, no
         weight = np.maximum(np.einsum("nrc,nc->nr", offset, normals[part]), 0) * np.abs(offset @ across)
         weight /= squared * squared
         weight *= (form[part] / np.maximum(weight.sum(1), 1e-30))[:, None]
-        out[part] += np.einsum("nr,nrc->nc", weight, look(some, aimed(some, places), exitance, points[part], work))
+        found = np.zeros((len(part), 3))
+        for sights in look(some, aimed(some, places), exitance, points[part], work):
+            _add(found, sights.point, exitance.exitance[sights.texel] * weight[sights.point, sights.ray, None])
+        out[part] += found
 
 
 def _form(points: np.ndarray, normals: np.ndarray, corners: np.ndarray) -> np.ndarray:

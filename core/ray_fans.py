@@ -6,6 +6,7 @@ depends on the ray and what depends on the point part, and a test of a ray and a
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -114,21 +115,37 @@ def aimed(faces: Faces, places: np.ndarray) -> Fan:
     return Fan(*(places @ m.T - faces.offset[:, k] for k, m in enumerate((faces.normal, faces.dual_x, faces.dual_y))), 1.0)
 
 
-def look(faces: Faces, fan: Fan, exitance: ExitanceMap, points: np.ndarray, work: Workspace) -> np.ndarray:
-    """(n, r, 3) exitance that the rays of a fan from points (n, 3) meet first, zero at backs and portals.
+@dataclass(frozen=True)
+class Sights:
+    """What the rays of a fan meet first on its front: s of the rays, by point and ray.
+
+    point, ray : (s,);  piece : (s,) id of the blocker;  texel : (s,) of the exitance map;  near : (s,) float32, 1 over the distance
+    """
+
+    point: np.ndarray
+    ray: np.ndarray
+    piece: np.ndarray
+    texel: np.ndarray
+    near: np.ndarray
+
+    def take(self, rows: np.ndarray) -> Sights:
+        """Some of them."""
+        return Sights(self.point[rows], self.ray[rows], self.piece[rows], self.texel[rows], self.near[rows])
+
+
+def look(faces: Faces, fan: Fan, exitance: ExitanceMap, points: np.ndarray, work: Workspace) -> Iterator[Sights]:
+    """What the rays of a fan from points (n, 3) meet first, some points at a time; rays to backs and portals are left out.
 
     To places only what lies behind them counts: a ray is blocked by what is nearer. With w = 1 / distance along the ray a face is met
     where |x w| <= w and |y w| <= w, and all three are linear in the direction: no divisions, and the nearest face has the greatest w.
     """
-    out = np.zeros((len(points), len(fan.along), 3), np.float32)
     if len(faces):
         step = max(1, _CELLS // max(1, len(fan.along) * len(faces)))
         for start in range(0, len(points), step):
-            _look(faces, fan, exitance, points[start : start + step], work, out[start : start + step])
-    return out
+            yield _look(faces, fan, exitance, points[start : start + step], start, work)
 
 
-def _look(faces: Faces, fan: Fan, exitance: ExitanceMap, points: np.ndarray, work: Workspace, out: np.ndarray) -> None:
+def _look(faces: Faces, fan: Fan, exitance: ExitanceMap, points: np.ndarray, first: int, work: Workspace) -> Sights:
     height = points @ faces.normal.T
     height -= faces.offset[:, 0]
     x0, y0 = (points @ d.T - faces.offset[:, k] for k, d in ((1, faces.dual_x), (2, faces.dual_y)))
@@ -155,9 +172,43 @@ def _look(faces: Faces, fan: Fan, exitance: ExitanceMap, points: np.ndarray, wor
     p, r = np.nonzero(lit)
     k, w = best[p, r], found[p, r]
     sx, sy = ((z[p, k] * (w - np.float32(fan.begin)) + across[r, k]) / w for z, across in ((x0, fan.across_x), (y0, fan.across_y)))
+    return Sights(p + first, r, faces.id[k], _texel(faces, exitance, k, sx, sy), w)
+
+
+def nearest(faces: Faces, exitance: ExitanceMap, origins: np.ndarray, directions: np.ndarray, work: Workspace) -> Iterator[tuple]:
+    """What single rays from ``origins`` (n, 3) along unit ``directions`` (n, 3) meet, some at a time.
+
+    Yields (:class:`Sights` of the rays that meet a front, (s,) rays that end in a portal, (s,) which of the portals).
+    """
+    step = max(1, _CELLS // max(1, len(faces)))
+    for start in range(0, len(origins) if len(faces) else 0, step):
+        o, d = origins[start : start + step], directions[start : start + step]
+        height = o @ faces.normal.T - faces.offset[:, 0]
+        clear = np.abs(height) > faces.clearance
+        w, x, y, hit = work.take(len(o), len(faces))
+        np.multiply(np.where(clear, -1 / np.where(clear, height, 1), 0), d @ faces.normal.T, out=w)
+        for out, dual, offset in ((x, faces.dual_x, faces.offset[:, 1]), (y, faces.dual_y, faces.offset[:, 2])):
+            np.multiply(o @ dual.T - offset, w, out=out)
+            out += d @ dual.T
+        _meet(w, x, y, hit, faces)
+        if faces.stops:
+            w[:, -faces.stops :] *= SAME
+        best = w.argmax(1)
+        row = np.arange(len(o))
+        found = w[row, best]
+        stopped = np.flatnonzero((found > 0) & (faces.id[best] < 0))
+        row = np.flatnonzero((found > 0) & (height[row, best] > 0) & (faces.id[best] >= 0))
+        k, w = best[row], found[row]
+        place = o[row] + d[row] / w[:, None]
+        sx, sy = (np.einsum("ij,ij->i", place, dual[k]) - faces.offset[k, j] for j, dual in ((1, faces.dual_x), (2, faces.dual_y)))
+        piece, texel = faces.id[k], _texel(faces, exitance, k, sx, sy)
+        yield Sights(row + start, row + start, piece, texel, w), stopped + start, best[stopped] - (len(faces) - faces.stops)
+
+
+def _texel(faces: Faces, exitance: ExitanceMap, k: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """(n,) texel at places of faces ``k`` (n,) in their own coordinates."""
     quad = k >= faces.triangles
-    sx, sy = (np.clip(np.where(quad, 0.5 * s + 0.5, s), 0, 1) for s in (sx, sy))
-    out[p, r] = exitance.at(faces.id[k], sx, sy)
+    return exitance.texel(faces.id[k], *(np.clip(np.where(quad, 0.5 * s + 0.5, s), 0, 1) for s in (x, y)))
 
 
 def _meet(w: np.ndarray, x: np.ndarray, y: np.ndarray, hit: np.ndarray, faces: Faces) -> None:

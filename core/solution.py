@@ -143,9 +143,7 @@ class Solution:
     def _exitance_map(self) -> ExitanceMap:
         """Made at its first use."""
         if self._map is None:
-            regions, forest = self._building.regions, self._forest
-            reflectance = regions.reflectance[forest.region].astype(np.float32)[:, None]
-            self._map = exitance_map(regions, forest, (self._direct + self._reflected) * reflectance, self._texel)
+            self._map = exitance_map(self._building.regions, self._forest, self._direct, self._reflected, self._texel)
         return self._map
 
     def exitance(self, points: np.ndarray, polygon: np.ndarray) -> np.ndarray:

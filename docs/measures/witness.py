@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from unittest.mock import patch
 
+import numpy as np
 
 from ...core import pipeline, refinement
 from ...core.building import Building

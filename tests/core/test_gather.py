@@ -14,7 +14,8 @@ def painted(building, bright) -> ExitanceMap:
     count = len(building.regions.piece_region)
     ones = np.ones(count, np.int32)
     light = np.isin(building.regions.piece_region, bright).astype(np.float32)
-    return ExitanceMap(np.arange(count), ones, ones, np.repeat(light[:, None], 3, 1))
+    light = np.repeat(light[:, None], 3, 1)
+    return ExitanceMap(np.arange(count), ones, ones, light, light, 0 * light, 0.0)
 
 
 def gathered(building, exitance, points, region, rays=1024, workers=1):
@@ -167,15 +168,67 @@ def test_a_map_holds_the_function_of_the_elements(order):
         forest.split(np.flatnonzero(forest.leaf))
     light = np.random.default_rng(0).uniform(0.5, 1, (len(forest), forest.functions, 3)).astype(np.float32)
     light[:, 1:] *= 0.1
-    found = exitance_map(regions, forest, light, 0.05)
+    half = forest.pull(np.where(forest.leaf[:, None, None], 0.5 * light, 0))
+    light = forest.pull(np.where(forest.leaf[:, None, None], light, 0))
+    found = exitance_map(regions, forest, half, light - half, 0.05)
     rng = np.random.default_rng(1)
     piece, s, t = rng.integers(0, len(found.start), 400), *rng.random((2, 400))
     inside = ~regions.piece_triangle[piece] | (s + t < 0.9)
     piece, s, t = piece[inside], s[inside], t[inside]
-    values = found.at(piece, s, t)
+    texel = found.texel(piece, s, t)
     # The middle of the texel is where the function is taken.
     middle = [(np.minimum(np.floor(x * n), n - 1) + 0.5) / n for x, n in ((s, found.width[piece]), (t, found.height[piece]))]
     uv = regions.piece_origin[piece] + middle[0][:, None] * regions.piece_a[piece] + middle[1][:, None] * regions.piece_b[piece]
     element, local = forest.locate(regions.piece_region[piece], uv)
-    np.testing.assert_allclose(values, np.einsum("nm,nmc->nc", basis.evaluate(order, local), light[element]), atol=1e-5)
+    reflectance = regions.reflectance[regions.piece_region[piece]]
+    exact = np.einsum("nm,nmc->nc", basis.evaluate(order, local), light[element]) * reflectance
+    np.testing.assert_allclose(found.exitance[texel], exact, atol=1e-5)
+    np.testing.assert_allclose(found.direct[texel], 0.5 * exact, atol=1e-5)
+    np.testing.assert_allclose(found.reflectance[piece], reflectance, atol=1e-6)
     assert max(found.width.max(), found.height.max()) <= MOST
+
+
+def narrow(reflectance, wrong):
+    """A closed slit of 2 cm whose surfaces each make 0.5 of the light of luminaires, and a map in which all else is ``wrong``."""
+    building = building_of(scene_of(box(high=(2, 2, 0.02)), reflectance=reflectance))
+    count = len(building.regions.piece_region)
+    ones, light = np.ones(count, np.int32), np.full((count, 3), np.float32(0.5))
+    return building, ExitanceMap(
+        np.arange(count), ones, ones, 0 * light + np.float32(wrong), light, 0 * light + np.float32(reflectance), 1.0
+    )
+
+
+def test_paths_in_a_slit_do_not_believe_the_map():
+    building, exitance = narrow(0.5, 3.0)
+    rng = np.random.default_rng(3)
+    floor = np.flatnonzero(building.regions.normal[:, 2] > 0.9)
+    points = np.column_stack([rng.uniform(0.5, 1.5, (50, 2)), np.zeros(50)])
+    found = gathered(building, exitance, points, np.repeat(floor, 50), 256)
+    # Five surfaces with 0.5 of their own light, each half of what the next sends, and the map at the sixth; a path that
+    # meets one of the four narrow sides believes the map there.
+    exact = 0.5 * sum(0.5**k for k in range(5)) + 0.5**5 * 3.0
+    np.testing.assert_allclose(found.mean(), exact, rtol=0.04)
+    assert found.mean() > exact
+
+
+def test_paths_change_nothing_where_the_map_is_right():
+    building, exitance = narrow(0.5, 1.0)  # B = 0.5 + 0.5 B
+    floor = np.flatnonzero(building.regions.normal[:, 2] > 0.9)
+    points = np.column_stack([np.linspace(0.01, 1.99, 40), np.linspace(0.3, 1.2, 40), np.zeros(40)])
+    np.testing.assert_allclose(gathered(building, exitance, points, np.repeat(floor, 40), 256), 1.0, rtol=2e-3)
+
+
+def test_paths_leave_a_slit_through_a_portal():
+    """Two halves of the slit: the light is the same as without the portal between them."""
+    parts = [*box(high=(1, 2, 0.02)), *box(low=(1, 0, 0), high=(2, 2, 0.02))]
+    walls = [p for p in parts if not np.allclose(p[:, 0], 1)]
+    room = [int(p[:, 0].mean() > 1) for p in walls]
+    door = rectangle((1, 0, 0), (0, 2, 0), (0, 0, 0.02))
+    building = building_of(scene_of(walls, reflectance=0.5, room=room, portals=portals_of([door], [(0, 1)])))
+    count = len(building.regions.piece_region)
+    ones, light = np.ones(count, np.int32), np.full((count, 3), np.float32(0.5))
+    exitance = ExitanceMap(np.arange(count), ones, ones, 2 * light, light, light, 1.0)
+    points = np.column_stack([np.linspace(0.01, 0.99, 40), np.linspace(0.3, 1.2, 40), np.zeros(40)])
+    region = np.flatnonzero((building.regions.normal[:, 2] > 0.9) & (building.regions.room == 0))
+    # Of the 256 rays a portal stops a whole number, not just its form factor of them: up to one in a hundred near it.
+    np.testing.assert_allclose(gathered(building, exitance, points, np.repeat(region, 40), 256), 1.0, rtol=1e-2)
