@@ -17,6 +17,7 @@ import numpy as np
 from .arguments import Parser, add_options, options_from
 from .command_outputs import OutputError, check_outputs, run_command
 from .console import ProgressLine, summary
+from .npz_files import write_arrays
 from .options import Options
 from .scene import Scene
 
@@ -104,7 +105,7 @@ def _write(result: Path, arrays: dict[str, np.ndarray], report: Path | None, fig
     parts: list[tuple[Path, Path]] = []
     try:
         with _part(result, parts).open("wb") as stream:
-            np.savez_compressed(stream, **arrays)
+            write_arrays(stream, arrays)
         if report is not None:
             _part(report, parts).write_text(json.dumps(_plain(figures), indent=2, allow_nan=False) + "\n", encoding="utf-8")
         for part, path in parts:

@@ -1,4 +1,4 @@
-"""Arrays out of an ``.npz`` file of unknown origin: every size is checked before memory is taken for it."""
+"""Arrays into ``.npz`` files, and out of those of unknown origin: every size is checked before memory is taken for it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ import struct
 import tokenize
 import zipfile
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -44,6 +46,18 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
     except _ERRORS as error:
         text = (str(error).strip().splitlines() or [""])[0].rstrip(".")
         raise DamagedFile(text if text and len(text) < 200 else type(error).__name__) from error
+
+
+def write_arrays(stream: BinaryIO, arrays: Mapping[str, np.ndarray], compressed: bool = True) -> None:
+    """Write arrays as an ``.npz`` that NumPy reads. Raises OSError when there is no room, and tells nobody else of it.
+
+    ``numpy.savez`` leaves its archive to the garbage collector then, which prints a traceback of its own.
+    """
+    method = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
+    with zipfile.ZipFile(stream, "w", method) as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as part:
+                np.lib.format.write_array(part, np.asanyarray(array), allow_pickle=False)
 
 
 def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:

@@ -35,7 +35,7 @@ from typing import Any
 import numpy as np
 
 from .lamp_files import lamp_arrays, read_lamps
-from .npz_files import DamagedFile, read_arrays
+from .npz_files import DamagedFile, read_arrays, write_arrays
 from .scene import EvaluationPoints, Portals, Scene, SceneError
 from .scene_checks import FARTHEST
 
@@ -76,7 +76,7 @@ def save_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
     try:
         try:
             with part.open("wb") as stream:
-                np.savez_compressed(stream, **arrays)
+                write_arrays(stream, arrays)
             os.replace(part, path)
         finally:
             part.unlink(missing_ok=True)

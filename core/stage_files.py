@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from .npz_files import DamagedFile, read_arrays
+from .npz_files import DamagedFile, read_arrays, write_arrays
 
 Stage = TypeVar("Stage")
 
@@ -28,7 +28,7 @@ def save_stage(result: object, path: str | os.PathLike[str]) -> None:
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with part.open("wb") as stream:
-            np.savez(stream, **arrays)
+            write_arrays(stream, arrays, compressed=False)
         os.replace(part, path)
     finally:
         part.unlink(missing_ok=True)

@@ -1,5 +1,6 @@
 """Reading of ``.npz`` files of unknown origin: sizes are checked before memory is taken."""
 
+import gc
 import io
 import struct
 import tracemalloc
@@ -7,7 +8,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from enfilade.core.npz_files import DamagedFile, read_arrays
+from enfilade.core.npz_files import DamagedFile, read_arrays, write_arrays
 
 
 def header(shape, dtype="<f8"):
@@ -109,3 +110,37 @@ def test_no_archive(tmp_path):
     for path in (tmp_path / "a.npz", tmp_path / "missing.npz", tmp_path):
         with pytest.raises(DamagedFile):
             read_arrays(path)
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_numpy_reads_what_is_written(tmp_path, compressed):
+    arrays = {"a": np.arange(6.0).reshape(2, 3), "b": np.array(["x"]), "c": np.float64(3)}
+    with (tmp_path / "a.npz").open("wb") as stream:
+        write_arrays(stream, arrays, compressed)
+    with np.load(tmp_path / "a.npz") as found:
+        assert found.files == list(arrays)
+        for name, array in arrays.items():
+            np.testing.assert_array_equal(found[name], array)
+
+
+def test_no_room_is_an_error_and_nothing_else(tmp_path, capfd):
+    full = tmp_path / "full.npz"
+    with pytest.raises(OSError, match="no room"), full.open("wb") as stream:
+        write_arrays(_Full(stream), {"a": np.arange(100_000)})
+    gc.collect()
+    assert capfd.readouterr().err == ""
+
+
+class _Full:
+    """A stream that takes a thousand bytes."""
+
+    def __init__(self, stream):
+        self._stream = stream
+
+    def write(self, content):
+        if self._stream.tell() + len(content) > 1000:
+            raise OSError("no room")
+        return self._stream.write(content)
+
+    def __getattr__(self, name):
+        return getattr(self._stream, name)
