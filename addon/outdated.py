@@ -15,7 +15,7 @@ from .properties import read_options
 CALM = 0.4
 """Seconds without a change after which is looked."""
 
-SLICE = 0.008
+SLICE = 0.05
 """Longest time at once, seconds."""
 
 _found: dict[int, bool] = {}
