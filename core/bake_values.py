@@ -27,6 +27,8 @@ class Light(Protocol):
 
     def irradiance(self, points: np.ndarray, polygon: np.ndarray) -> np.ndarray: ...
 
+    def shows(self, points: np.ndarray, polygon: np.ndarray) -> np.ndarray: ...
+
 
 @dataclass(frozen=True)
 class Carrier:
@@ -93,6 +95,10 @@ def refined(coarse: Carrier, limit: float) -> FineCarrier:
     return FineCarrier(carrier, fine.parent, fine.weight.reshape(-1, 3))
 
 
+_WAYS = np.array([0.05, 0.15, 0.3, 0.5, 0.7, 0.85, 0.97])[:, None]
+"""Parts of the way from a hidden corner into its faces at which one in the open is looked for."""
+
+
 class CornerItem:
     """Light at the corners of a carrier, averaged across each surface and split at hard edges.
 
@@ -121,7 +127,33 @@ class CornerItem:
         self._corner, self._sample = pair[:, 0], pair[:, 1]
         self._polygon = np.full(len(mesh.corner_vertex), -1)
         self._polygon[corner[known][::-1]] = polygon[known][::-1]
+        self._triangle, self._sample_of = known // 3, sample.reshape(-1)
         return mesh.corner_position[corner[known][first]], polygon[known][first]
+
+    def in_the_open(self, at: np.ndarray, polygon: np.ndarray, light: Light) -> tuple[np.ndarray, np.ndarray]:
+        """The samples, those under something that lies on the surface moved to the nearest place of their faces in the open.
+
+        Otherwise the dark under a rug would creep out along the edges of the faces that reach under it.
+        """
+        hidden = ~light.shows(at, polygon)
+        entry = np.flatnonzero(hidden[self._sample_of])
+        if len(entry) == 0:
+            return at, polygon
+        mesh, sample, triangle = self.carrier, self._sample_of[entry], self._triangle[entry]
+        corners = mesh.corner_position[mesh.triangle[triangle]]
+        # Along the edges of the triangle to its other corners, and straight across.
+        ends = np.concatenate([corners, corners.mean(axis=1, keepdims=True)], axis=1)[:, None]
+        places = at[sample][:, None, None] + _WAYS[:, None] * (ends - at[sample][:, None, None])
+        distance = np.linalg.norm(places - at[sample][:, None, None], axis=3)
+        count = places.shape[1] * places.shape[2]
+        places, owner = places.reshape(-1, 3), np.repeat(sample, count)
+        face = np.repeat(mesh.triangle_polygon[triangle], count)
+        open_ = np.flatnonzero((distance.reshape(-1) > 0) & light.shows(places, face))
+        open_ = open_[np.lexsort((distance.reshape(-1)[open_], owner[open_]))]
+        moved, first = np.unique(owner[open_], return_index=True)
+        at, polygon = at.copy(), polygon.copy()
+        at[moved], polygon[moved] = places[open_[first]], face[open_[first]]
+        return at, polygon
 
     def _bent(self, corner: np.ndarray, polygon: np.ndarray) -> np.ndarray:
         """(N,) bool: the face of each corner is more than one polygon."""
@@ -239,6 +271,8 @@ def evaluate(items: Sequence[CornerItem | PageItem], light: Light, scene: Scene)
     polygons: list[np.ndarray] = []
     for number, item in enumerate(items):
         at, polygon = item.samples()
+        if isinstance(item, CornerItem):
+            at, polygon = item.in_the_open(at, polygon, light)
         waiting.append((item, len(at)))
         points.append(at)
         polygons.append(polygon)

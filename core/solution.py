@@ -10,6 +10,7 @@ import numpy as np
 
 from . import basis
 from .building import Building
+from .coverage import covered
 from .direct import direct_light
 from .elements import Forest
 from .exitance_map import ExitanceMap, exitance_map
@@ -22,6 +23,8 @@ from .scene import Scene
 EDGE = 1e-4
 """Points on the edge of a polygon are moved in by this part of its region's size: on the edge itself light is undefined."""
 
+RIM = 3e-3
+"""So near to what lies on it, metres, a surface counts as hidden: there, rounding decides what a point sees."""
 RAYS_ABOVE = 384
 """Rays that gather the reflected light of points in the open space where none are asked for on surfaces."""
 
@@ -104,6 +107,20 @@ class Solution:
         out = np.zeros((len(points), 3), np.float32)
         for _ in self.irradiance_steps(points, polygon, out):
             pass
+        return out
+
+    def shows(self, points: np.ndarray, polygon: np.ndarray) -> np.ndarray:
+        """(N,) bool: the fronts of ``polygon`` (N,) are open at ``points`` (N, 3), neither under what lies on them nor at its edge."""
+        regions = self._building.regions
+        region = regions.polygon_region[np.asarray(polygon, np.int64)]
+        out = np.zeros(len(region), bool)
+        valid = np.flatnonzero(region >= 0)
+        own = region[valid].astype(np.int64)
+        uv = regions.local(own, np.asarray(points, np.float64)[valid])
+        open_ = ~regions.buried[own]
+        for side in RIM * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]]):
+            open_ &= covered(regions, own, _inside(uv + side, regions.size[own]), 1e-6)
+        out[valid] = open_
         return out
 
     def irradiance_steps(self, points: np.ndarray, polygon: np.ndarray, out: np.ndarray) -> Iterator[float]:

@@ -28,6 +28,9 @@ class FakeSolution:
     def irradiance(self, points, polygon):
         return self.light(points, polygon)
 
+    def shows(self, points, polygon):
+        return np.ones(len(points), bool)
+
     def light(self, points, polygon):
         return (np.asarray(points) + 20.0) @ self.SLOPE + self.step * np.asarray(polygon)[:, None]
 

@@ -161,7 +161,11 @@ def test_an_object_that_changed_meanwhile_is_left_alone(shop):
 
     def known(scene, options):
         yield job.Step("solve", 0.5, "")
-        return type("Light", (), {"report": {}, "irradiance": lambda self, points, polygon: light(points)})()
+        known = {
+            "irradiance": lambda self, points, polygon: light(points),
+            "shows": lambda self, points, polygon: np.full(len(points), True),
+        }
+        return type("Light", (), {"report": {}, **known})()
 
     baked = job.solve_all(reading, None, known)
     shop.bpy.data.objects.remove(shop.bpy.data.objects["Gone"])

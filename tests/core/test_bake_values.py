@@ -17,6 +17,9 @@ class Ramp:
     def __init__(self, step=0.0):
         self.step, self.asked = step, 0
 
+    def shows(self, points, polygon):
+        return np.ones(len(points), bool)
+
     def irradiance(self, points, polygon):
         self.asked += len(points)
         at = points @ np.array([0.3, 0.5, 0.7])
@@ -213,3 +216,25 @@ def test_a_texture_that_is_too_small_gets_coarser_texels():
     assert image.max() < 1e3
     with pytest.raises(SceneError, match="'page' does not fit into 16 x 16"):
         texture([box()], density=64.0, limit=16, margin=8)
+
+
+class UnderRug:
+    """One where the floor is open, nothing under a rug that covers x < 0.5."""
+
+    def shows(self, points, polygon):
+        return points[:, 0] >= 0.5
+
+    def irradiance(self, points, polygon):
+        return np.repeat(self.shows(points, polygon)[:, None].astype(float), 3, axis=1)
+
+
+def test_the_dark_under_a_rug_does_not_creep_out():
+    """A floor of three by one squares of 1 m: the first square reaches from under the rug into the open."""
+    position = np.array([(x, y, 0.0) for y in (0, 1) for x in (-1, 0, 1, 2)])
+    corner = np.array([0, 1, 5, 4, 1, 2, 6, 5, 2, 3, 7, 6])
+    triangle = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7], [8, 9, 10], [8, 10, 11]])
+    carrier = Carrier(position, corner, np.array([0, 4, 8, 12]), np.zeros(12, bool), triangle, np.repeat([0, 1, 2], 2))
+    (color,), _ = run([CornerItem(carrier, "lighting", "corner")], UnderRug(), scene(3))
+    lit = color[:, 0] > 0
+    # Only the face that lies under the rug with all of itself has dark corners, and those that it has to itself.
+    assert lit.tolist() == [False, True, True, False] + [True] * 8

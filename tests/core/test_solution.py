@@ -204,3 +204,12 @@ def test_merged_polygons_share_the_surface():
     points = np.column_stack([xy, np.zeros(500)])
     polygon = 4 * np.floor(xy[:, 0]).astype(int) + np.floor(xy[:, 1]).astype(int)
     np.testing.assert_allclose(parts.solution.irradiance(points, polygon), whole.solution.irradiance(points, 0 * polygon), atol=3e-3)
+
+
+def test_a_floor_shows_beside_a_rug_and_not_under_it():
+    rug = box((1, 1, 0), (3, 2, 0.02), inward=False)
+    room = box((0, 0, 0), (4, 3, 2.5))
+    scene = scene_of(room + rug, emission=[5.0 if k == 5 else 0.0 for k in range(12)], object=[0] * 6 + [1] * 6)
+    solution = solve(scene, Options(quality="draft"))
+    places = np.array([[2, 1.5, 0], [1.01, 1.99, 0], [0.5, 0.5, 0], [0, 0, 0], [4, 3, 0], [0.98, 1.5, 0], [1, 1.5, 0]], float)
+    assert solution.shows(places, np.full(len(places), 4)).tolist() == [False, False, True, True, True, True, False]

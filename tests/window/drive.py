@@ -69,7 +69,7 @@ class Window:
 
     def search(self, words: str) -> None:
         """Run a menu entry by Blender's own search."""
-        self.do(f"mousemove {EDIT[0]} {EDIT[1]} sleep 0.5 click 1")
+        self.do(f"mousemove {EDIT[0] + 200} {EDIT[1]} sleep 0.5 mousemove {EDIT[0]} {EDIT[1]} sleep 1 click 1")
         self.rest()
         self.do(f"mousemove {MENU_SEARCH[0]} {MENU_SEARCH[1]} sleep 0.5 click 1")
         self.rest()
@@ -79,7 +79,7 @@ class Window:
         self.rest()
         self.do(f"mousemove {VIEW[0]} {VIEW[1]}")
 
-    def rest(self, looks: int = 150) -> None:
+    def rest(self, looks: int = 350) -> None:
         """Let the window come after, which is drawn without a graphics card: it looked around so many times."""
         count = self.seen()["count"]
         self.wait("the window", lambda s: s["count"] > count + looks, 60)

@@ -25,8 +25,8 @@ def _look():
     step = operators.progress() if operators else None
     doing = step.stage if step is not None else "idle"
     gap = now - _last[0] - LOOK
-    for name in {doing, _last[1]}:
-        _state["pauses"][name] = max(_state["pauses"].get(name, 0.0), gap)
+    during = doing if doing == _last[1] else f"{_last[1]} to {doing}"  # reading is from idle to start, writing from bake to idle
+    _state["pauses"][during] = max(_state["pauses"].get(during, 0.0), gap)
     _last[1] = doing
     _state["count"] += 1
     if _state["count"] % 10 == 0:
