@@ -9,7 +9,7 @@ from .grouping import components
 from .occlusion import Blockers, hemisphere
 from .plane_cuts import holds
 from .polygons import areas_and_centroids
-from .ray_tree import RayTree
+from .ray_tree import RayTree, lies_in
 from .regions import Regions
 
 RAYS = (1, 3, 8, 64)
@@ -102,12 +102,7 @@ class _Sight:
         """(n,) bool: a blocker that faces the other way holds the middle of the piece."""
         blockers, origin, normal = self._blockers, self._origin[rows], self._frame[rows, 2]
         k, point = self._tree.at(origin, self._room[rows], self._contact)
-        height, x, y = (
-            np.einsum("ij,ij->i", origin[point], axis[k]) - blockers.offset[k, i]
-            for i, axis in enumerate((blockers.normal, blockers.dual_x, blockers.dual_y))
-        )
-        inside = np.where(blockers.triangle[k], (x >= 0) & (y >= 0) & (x + y <= 1), (np.abs(x) <= 1) & (np.abs(y) <= 1))
         opposed = np.einsum("ij,ij->i", normal[point], blockers.normal[k]) < -1 + 1e-6
         out = np.zeros(len(rows), bool)
-        out[point[(np.abs(height) < self._contact) & opposed & inside]] = True
+        out[point[opposed & lies_in(blockers, k, origin[point], self._contact)]] = True
         return out

@@ -2,7 +2,8 @@
 
 The floor under a cupboard is dark, and a wavelet that spans its edge would smear that dark over the floor beside it; the
 end of a shelf that reaches into a wall lies in the dark as well. So regions are cut along the edges of what stands on them
-and along the lines in which others run through them, and the parts that no light gets to are taken out of their cover.
+and along the lines in which others run through them, and the parts that no light gets to are taken out of their cover,
+as are those in whose place a face of another object lies, such as a rug without thickness.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from .grouping import starts_of
 from .occlusion import Blockers
 from .plane_cuts import alike, cut_along
 from .polygons import areas_and_centroids
+from .ray_tree import lies_in
 from .regions import Regions
 
 CONTACT = 1e-4
@@ -32,6 +34,9 @@ def uncover(regions: Regions, blockers: Blockers) -> Regions:
     original = np.repeat(np.arange(len(regions)), np.diff(regions.cover_start))
     owner, pieces = cut_along(original, regions.cover, *_segments(regions, contact), contact)
     gone = buried(regions, blockers, owner, pieces, contact)
+    upon = _upon_others(regions, blockers, owner, pieces, contact) & ~gone
+    left = np.bincount(owner[~gone & ~upon], minlength=len(regions))
+    gone |= upon & (left[owner] > 0)  # what others cover whole stays: something must receive what they leave between them
     # What is buried whole keeps its cover: a region needs an area, and it receives nothing there anyway.
     rest = np.bincount(owner[~gone], minlength=len(regions))
     whole = np.zeros(len(regions), bool)
@@ -77,10 +82,34 @@ def _contacts(regions: Regions, loop: np.ndarray, contact: float) -> Iterator[_S
         other = edge_region[e]
         near = (other != g) & (np.abs(_height(regions, g, first[e])) < contact) & (np.abs(_height(regions, g, second[e])) < contact)
         e, g, other = e[near], g[near], other[near]
-        # What lies in the plane itself covers only when it faces the other way; what stands on it must stand in front.
+        # What lies in the plane itself covers when it faces the other way, or goes first; what stands on it must stand in front.
         facing = np.einsum("ij,ij->i", regions.normal[other], regions.normal[g])
         stands = (_height(regions, g, regions.centroid[other]) > contact) | (facing < -1 + 1e-6)
+        stands |= (facing > 1 - 1e-6) & _goes_first(regions, other, g)
         yield _within(regions, g[stands], first[e[stands]], second[e[stands]], contact)
+
+
+def _goes_first(regions: Regions, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(n,) bool: of two faces of one place and side, a is the one that is seen: a lamp, else the smaller one, else the first."""
+    rank = np.empty(len(regions), np.int64)
+    rank[np.lexsort((np.round(np.log(np.maximum(regions.area, 1e-300)), 6), ~(regions.emission > 0).any(1)))] = np.arange(len(regions))
+    return rank[a] < rank[b]
+
+
+def _upon_others(regions: Regions, blockers: Blockers, owner: np.ndarray, pieces: np.ndarray, contact: float) -> np.ndarray:
+    """(n,) bool: in the place of the piece lies a face of another object, to the same side, that goes first."""
+    area, moment = areas_and_centroids(pieces)
+    middle = regions.world(owner, moment / np.maximum(area, 1e-300)[:, None])
+    corners = blockers.corners.astype(np.float64)
+    tree = BoxTree(corners.min(1), corners.max(1), regions.room[blockers.region])
+    out = np.zeros(len(owner), bool)
+    for k, piece in tree.overlaps(middle - contact, middle + contact, regions.room[owner]):
+        other, g = blockers.region[k], owner[piece]
+        same = (other != g) & (np.einsum("ij,ij->i", regions.normal[other], regions.normal[g]) > 1 - 1e-6)
+        k, piece, other, g = k[same], piece[same], other[same], g[same]
+        lies = _goes_first(regions, other, g) & lies_in(blockers, k, middle[piece], contact)
+        out[piece[lies]] = True
+    return out
 
 
 def _crossings(regions: Regions, loop: np.ndarray, contact: float) -> Iterator[_Segments]:

@@ -83,6 +83,16 @@ class RayTree:
         return tuple(np.concatenate([np.zeros(0, np.int64), *column]) for column in (zip(*pairs, strict=True) if pairs else ((), ())))
 
 
+def lies_in(blockers: Blockers, k: np.ndarray, points: np.ndarray, margin: float) -> np.ndarray:
+    """(n,) bool: points (n, 3) lie in blockers k (n,), up to ``margin`` (m) off their planes."""
+    height, x, y = (
+        np.einsum("ij,ij->i", points, axis[k]) - blockers.offset[k, i]
+        for i, axis in enumerate((blockers.normal, blockers.dual_x, blockers.dual_y))
+    )
+    inside = np.where(blockers.triangle[k], (x >= 0) & (y >= 0) & (x + y <= 1), (np.abs(x) <= 1) & (np.abs(y) <= 1))
+    return (np.abs(height) < margin) & inside
+
+
 def _nearness(blockers: Blockers, k: np.ndarray, o: np.ndarray, d: np.ndarray) -> np.ndarray:
     """(n,) one over the distance at which rays meet blockers k (n,), 0 where they do not."""
     dot = lambda a, b: np.einsum("ij,ij->i", a, b)  # noqa: E731

@@ -264,3 +264,27 @@ def test_the_work_grows_with_the_contacts_only():
     assert time.process_time() - start < 8
     assert after.area[after.polygon_region[FLOOR]] == pytest.approx(1600 - 400, rel=1e-6)
     assert after.buried.sum() == 1600
+
+
+@TURNS
+def test_what_lies_in_the_plane_of_a_surface_takes_its_place(turn):
+    # A rug of no thickness, a lamp flush with the ceiling that is larger than a hatch in it, and a rug beyond the wall.
+    rug, lamp = [rectangle((1, 1, 0), (2, 0, 0), (0, 1, 0))], [rectangle((1, 1, 3), (0, 1, 0), (1, 0, 0))]
+    hatch, across = [rectangle((1.5, 1.5, 3), (0, 1, 0), (0.8, 0, 0))], [rectangle((3.5, 3, 0), (1, 0, 0), (0, 1, 0))]
+    polygons = [f @ turn.T + 2 for part in (ROOM, rug, lamp, hatch, across) for f in part]
+    emission = np.zeros((10, 3))
+    emission[7] = 1
+    before = merge(scene_of(polygons, emission=emission, object=np.repeat(range(5), [6, 1, 1, 1, 1])))
+    after = footprints.uncover(before, occlusion.blockers_of(before))
+    of = after.polygon_region
+    assert after.area[of[[FLOOR, CEILING]]] == pytest.approx([20 - 2 - 0.5, 12 + 8 - 1 - 0.8 + 0.25], rel=1e-6)
+    assert after.area[of[6:]] == pytest.approx([2, 1, 0.8 - 0.25, 1], rel=1e-6)
+    assert not after.buried.any()
+    assert_consistent(after)
+
+
+def test_what_is_covered_whole_by_what_lies_in_its_plane_stays():
+    tiles = [rectangle((x, y, 0), (1, 0, 0), (0, 1, 0)) for x in range(4) for y in range(5)]
+    before, after = uncovered([[t] for t in tiles])
+    np.testing.assert_allclose(after.area, before.area)
+    assert not after.buried.any()
