@@ -27,10 +27,6 @@ SKY_SHARE = 1 / 400
 """Form factor of a part of the sky that counts as even: some five degrees."""
 FARTHEST = 1e4
 """What hides the sky is sought as far beyond a portal as this, times the distance to it."""
-_CUBE = np.array(
-    [[np.roll([s, x, y], axis).tolist() for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))] for axis in range(3) for s in (-1.0, 1.0)]
-)
-"""(6, 4, 3) faces of a cube around the origin: all directions."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +46,7 @@ class SunLights:
     rooms: np.ndarray
     outdoors: np.ndarray
     endless = True
+    sharp = True
 
     def reach(self, building: Building, patches: Patches, block: np.ndarray) -> Reach:
         """Suns above the planes of the patches, through portals that lead outside."""
@@ -81,7 +78,7 @@ class WindowSky:
 
     sky : what is seen;  outlines : (L, k, 3) relative to the scene's centre;  inward : (L, 3) unit normals into the room
     room : (L,) the room of each;  frames : L rectangles around them;  distance : metres, as large as the building
-    rooms, outdoors : as of :class:`SunLights`; regions that need no portal see the sky as :class:`OpenSky`
+    rooms, outdoors : as of :class:`SunLights`; regions that need no portal see the sky as ``OpenSky`` has it
     """
 
     sky: Sky
@@ -93,6 +90,7 @@ class WindowSky:
     rooms: np.ndarray
     outdoors: np.ndarray
     endless = True
+    sharp = False
 
     def reach(self, building: Building, patches: Patches, block: np.ndarray) -> Reach:
         """Portals in sight of the clusters of the patches, whose inner side the patch is on."""
@@ -124,37 +122,6 @@ class WindowSky:
     def pieces(self, source: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The outlines of the portals."""
         return np.arange(len(source)), self.outlines[source] - points[:, None]
-
-    def light(self, source: np.ndarray, corners: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """The part of the sky in these directions."""
-        return sky_light(self.sky, corners, normals)
-
-
-@dataclass(frozen=True)
-class OpenSky:
-    """The sky over regions that see it where no portal is: ``outdoors`` (G,) bool. ``distance`` : metres, as large as the building."""
-
-    sky: Sky
-    distance: float
-    outdoors: np.ndarray
-    endless = True
-
-    def reach(self, building: Building, patches: Patches, block: np.ndarray) -> Reach:
-        """All patches of such regions."""
-        mine = patches.bodies.take(block)
-        patch = np.flatnonzero(self.outdoors[patches.region[block]])
-        zero = np.zeros((len(patch), 3), np.float32)
-        ends = Bodies(mine.centre[patch], zero, zero, zero, np.full(len(patch), self.distance, np.float32))
-        pairs = (patch, np.arange(len(patch)), np.zeros(len(patch), np.int64))
-        return reach_in_rooms(building, patches, block, ends, np.full(len(patch), OUTSIDE), self.outdoors, pairs)
-
-    def faces(self, source: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """All points."""
-        return np.ones(len(source), bool)
-
-    def pieces(self, source: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """All directions."""
-        return np.repeat(np.arange(len(source)), len(_CUBE)), np.tile(_CUBE, (len(source), 1, 1))
 
     def light(self, source: np.ndarray, corners: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """The part of the sky in these directions."""
@@ -196,7 +163,7 @@ def sun_lights(suns: Suns, building: Building, outdoors: Outdoors) -> SunLights:
     # What arrives across the light is known: so is the exitance of a polygon of any shape.
     exitance = suns.irradiance / lambert(np.zeros((len(half), 3)), suns.toward, corners)[:, None]
     rooms = openings(building.doors.rooms, outdoors)
-    return SunLights(corners, exitance, suns.toward, half, _span(building), rooms, outdoors.regions)
+    return SunLights(corners, exitance, suns.toward, half, span_of(building), rooms, outdoors.regions)
 
 
 def window_sky(sky: Sky, building: Building, portals: Portals, outdoors: Outdoors) -> WindowSky | None:
@@ -214,15 +181,10 @@ def window_sky(sky: Sky, building: Building, portals: Portals, outdoors: Outdoor
     inward = np.where(first[:, None], 1.0, -1.0) * frames.normal
     room = np.where(first, rooms[windows, 1], rooms[windows, 0])
     outlines = portals.vertices[corner] - building.regions.centre
-    return WindowSky(sky, outlines, inward.astype(np.float64), room, frames, _span(building), rooms, outdoors.regions)
+    return WindowSky(sky, outlines, inward.astype(np.float64), room, frames, span_of(building), rooms, outdoors.regions)
 
 
-def open_sky(sky: Sky, building: Building, outdoors: Outdoors) -> OpenSky | None:
-    """The sky over what is open to it, None where nothing is."""
-    return OpenSky(sky, _span(building), outdoors.regions) if outdoors.regions.any() else None
-
-
-def _span(building: Building) -> float:
+def span_of(building: Building) -> float:
     """Metres, more than between any two places of a building."""
     regions = building.regions
     return 2 * float(np.linalg.norm(regions.box_max.max(0) - regions.box_min.min(0))) + 1.0

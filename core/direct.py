@@ -7,7 +7,7 @@ points, suns and the sky are polygons too, as each point sees them (``light_kind
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from .building import Building
 from .grouping import ragged
 from .light_kinds import Kind, Reach
 from .occlusion import ShaftIndex, Shafts, near_axis
+from .open_sky import OpenSky
 from .parallel import Crew
 from .patches import Patches, patch_blocks, patches_of
 from .polygons import clip_half
@@ -59,6 +60,10 @@ def _light(building: Building, kinds: tuple[Kind, ...], patches: Patches, block,
     count = len(points)
     result = DirectLight(index, np.zeros((count, 3), np.float32), np.zeros(count, np.float32), np.full(count, -1), 0)
     for kind in kinds:
+        if isinstance(kind, OpenSky):
+            light = kind.received(building, points, patches.region[block][patch]).astype(np.float32)
+            result = replace(result, irradiance=result.irradiance + light)
+            continue
         reach = kind.reach(building, patches, block)
         for pairs in reach.pairs:
             result = _sum(result, _shine(building, kind, reach, *pairs, index, points, patch))
@@ -89,7 +94,7 @@ def _shine(building: Building, kind: Kind, reach: Reach, patch, end, source, ind
     balls = np.ascontiguousarray(points.T), np.zeros(count, np.float32)
     near = near_axis(shafts, balls, bodies.balls(), (point, place[len(patch) :][of]), row, blocker)
     row, blocker = row[near], blocker[near]
-    changed, doubtful = np.unique(row), np.unique(row[passes[blocker] == 0])
+    changed, doubtful = np.unique(row), np.unique(row[(passes[blocker] == 0) & kind.sharp])
     at, lamps = point[changed], source[of[changed]]
     bright = light[doubtful].max(1)
     rows = np.searchsorted(changed, row), blocker

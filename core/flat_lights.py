@@ -41,6 +41,7 @@ class FlatLights:
     outdoors: np.ndarray
     clearance: float
     endless = False
+    sharp = True
 
     def __len__(self) -> int:
         return len(self.room)

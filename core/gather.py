@@ -124,7 +124,7 @@ class _Sheaves:
 
 
 @lru_cache(maxsize=8)
-def _sheaves(rays: int) -> _Sheaves:
+def ray_sheaves(rays: int) -> _Sheaves:
     direction = hemisphere(rays)
     bundles = [np.arange(rays)]
     for turn in range(max(0, round(float(np.log2(rays / SHEAF))))):
@@ -140,7 +140,7 @@ def _sheaves(rays: int) -> _Sheaves:
     return _Sheaves(direction[np.concatenate(bundles)], start, axis, angle)
 
 
-def _shelves(points: np.ndarray, rows: np.ndarray):
+def point_shelves(points: np.ndarray, rows: np.ndarray):
     """Rows (n,) of neighbouring points, with the middle and the radius of the ball around them."""
     rows = rows[np.argsort(morton(points[rows]), kind="stable")]
     for part in np.array_split(rows, -(-len(rows) // SHELF)) if len(rows) else ():
@@ -200,11 +200,11 @@ def _over_hemisphere(
     """
     faces = room.all_round[portal + 1]
     ends = []
-    sheaves = _sheaves(rays)
+    sheaves = ray_sheaves(rays)
     direction, axis = (sheaves.direction @ frame).astype(np.float32), sheaves.axis @ frame
     normal = frame[2].astype(np.float32)
     top = (faces.corners @ normal).max(1)
-    for part, centre, radius in _shelves(points, rows):
+    for part, centre, radius in point_shelves(points, rows):
         found = np.zeros((len(part), 3))
         ahead = top > (points[part] @ normal).min() + faces.clearance
         seen = faces.toward(centre, radius, axis, sheaves.angle) & ahead[:, None]
@@ -229,7 +229,7 @@ def _through(faces: Faces, portal: np.ndarray, exitance: ExitanceMap, points, no
     middle = portal.mean(0)
     size = float(np.linalg.norm(portal - middle, axis=1).max())
     across = np.cross(portal[1] - portal[0], portal[3] - portal[0])
-    for part, centre, radius in _shelves(points, rows):
+    for part, centre, radius in point_shelves(points, rows):
         axis = middle - centre
         distance = max(float(np.linalg.norm(axis)), 1e-9)
         angle = np.arcsin((size + radius) / distance) if size + radius < distance else np.pi

@@ -5,16 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from .building import Building
-from .daylight import OpenSky, SunLights, WindowSky
+from .daylight import SunLights, WindowSky
 from .direct import direct_light
 from .elements import Forest
 from .lamps import AreaLamps, Lamps, PointLamps
 from .light_kinds import Kind
 from .occlusion import first_hits, hemisphere
+from .open_sky import OpenSky
 from .parallel import Crew
 from .scene import OUTSIDE
 
-SAMPLES = 1 << 13
+SAMPLES = 1 << 11
 """Points at which the light from outside is told from that of lamps."""
 _DAYLIGHT = (SunLights, WindowSky, OpenSky)
 

@@ -1,6 +1,6 @@
 """What every kind of light source tells the direct light: who may see it, what of it, and how bright that is.
 
-A kind (``FlatLights``, ``PointLights``, ``SunLights``, ``WindowSky``, ``OpenSky``) is a dataclass of arrays with four methods:
+A kind (``FlatLights``, ``PointLights``, ``SunLights``, ``WindowSky``) is a dataclass of arrays with four methods:
 
 * ``reach(building, patches, block)``: a :class:`Reach`, which sources may shine on which patches of a block;
 * ``faces(source, points)``: (n,) bool, the points (n, 3) may be lit by the source of each;
@@ -9,6 +9,7 @@ A kind (``FlatLights``, ``PointLights``, ``SunLights``, ``WindowSky``, ``OpenSky
 * ``light(source, corners, normals)``: (m, 3) irradiance, W/m2, from parts (m, k, 3) of such polygons, all in front of the receiver.
 
 ``endless`` says whether all of the direction counts, as of the sky, or only what lies before the polygon, as of a lamp.
+``sharp`` says whether shadows may fall between neighbouring points that both see none: those of the sky are too soft for that.
 """
 
 from __future__ import annotations
@@ -50,6 +51,7 @@ class Kind(Protocol):
     """A kind of light source, see the head of this module."""
 
     endless: bool
+    sharp: bool
 
     def reach(self, building: Building, patches: Patches, block: np.ndarray) -> Reach: ...
 

@@ -5,19 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from .building import Building
-from .daylight import open_sky, sun_lights, window_sky
+from .daylight import sun_lights, window_sky
 from .flat_lights import area_lights, shining_surfaces
 from .lamps import Lamps
 from .light_kinds import Kind
+from .open_sky import OpenSky, open_sky
 from .outdoors import Outdoors, outdoors_of
 from .point_lights import point_lights
 from .scene import OUTSIDE, Portals
 
 
-def light_sources(building: Building, lamps: Lamps, portals: Portals) -> tuple[Kind, ...]:
+def light_sources(building: Building, lamps: Lamps, portals: Portals) -> tuple[Kind | OpenSky, ...]:
     """The kinds of light that a scene has: its emitting surfaces, and ``lamps`` if any."""
     clearance, centre = building.blockers.clearance, building.regions.centre
-    kinds: list[Kind | None] = []
+    kinds: list[Kind | OpenSky | None] = []
     if (building.regions.emission > 0).any():
         kinds.append(shining_surfaces(building.regions, building.clusters, clearance))
     outside = lamps.from_outside or (lamps.area.room == OUTSIDE).any() or (lamps.points.room == OUTSIDE).any()

@@ -35,6 +35,7 @@ class PointLights:
     radius: np.ndarray
     outdoors: np.ndarray
     endless = False
+    sharp = True
 
     def __len__(self) -> int:
         return len(self.position)

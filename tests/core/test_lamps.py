@@ -193,13 +193,17 @@ def by_rays(scene, points, polygon, radiance, rays=20000):
     return np.array(out)
 
 
-@pytest.mark.parametrize("portal", [True, False], ids=["through a portal", "through a hole"])
-def test_an_even_sky_through_a_window(portal):
+# Without a portal the sky is gathered by 2048 rays, of which a hundred meet the window.
+THROUGH = pytest.mark.parametrize(("portal", "tolerance"), [(True, 0.02), (False, 0.05)], ids=["through a portal", "through a hole"])
+
+
+@THROUGH
+def test_an_even_sky_through_a_window(portal, tolerance):
     scene, _ = windowed(portal)
     at = floor_points(12)
     found = light_on(scene, Lamps(sky=even_sky(2.0)), at, 3)
     expected = by_rays(scene, at, 3, lambda d: np.full(len(d), 2.0))
-    np.testing.assert_allclose(found[:, 0], expected, rtol=0.02, atol=0.02 * expected.max())
+    np.testing.assert_allclose(found[:, 0], expected, rtol=tolerance, atol=0.02 * expected.max())
 
 
 def test_an_even_sky_is_the_form_factor_of_its_window():
@@ -218,8 +222,8 @@ def overcast(d):
     return np.where(sine > 0, (1 + 2 * sine) / 3, 0.1)
 
 
-@pytest.mark.parametrize("portal", [True, False], ids=["through a portal", "through a hole"])
-def test_an_overcast_sky_through_a_window(portal):
+@THROUGH
+def test_an_overcast_sky_through_a_window(portal, tolerance):
     scene, _ = windowed(portal)
     height, width = 90, 8
     sine = np.sin((np.arange(height) + 0.5) / height * np.pi - 0.5 * np.pi)
@@ -228,7 +232,7 @@ def test_an_overcast_sky_through_a_window(portal):
     at = floor_points(12)
     found = light_on(scene, Lamps(sky=sky), at, 3)
     expected = by_rays(scene, at, 3, overcast)
-    np.testing.assert_allclose(found[:, 0], expected, rtol=0.02, atol=0.02 * expected.max())
+    np.testing.assert_allclose(found[:, 0], expected, rtol=tolerance, atol=0.02 * expected.max())
 
 
 def test_the_sky_turns_as_its_image():
