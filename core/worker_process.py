@@ -23,17 +23,17 @@ def serve() -> None:
     requests, answers = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever a library prints must not end up among the answers
     common: tuple = ()
-    send(answers, (True, None))
-    while True:
-        try:
+    try:
+        send(answers, (True, None))
+        while True:
             function, block = receive(requests)
-        except EOFError:
-            return
-        if function is None:
-            common = attached(block) if block else ()
-            send(answers, (True, None))
-        else:
-            send(answers, _answer(function, common, block))
+            if function is None:
+                common = attached(block) if block else ()
+                send(answers, (True, None))
+            else:
+                send(answers, _answer(function, common, block))
+    except (EOFError, OSError):
+        os._exit(0)  # nobody is there any more; an orderly end would try to write what is left, and complain
 
 
 def _answer(function, common: tuple, block) -> tuple[bool, object]:

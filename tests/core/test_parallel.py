@@ -4,6 +4,7 @@ import gc
 import io
 import operator
 import os
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -104,6 +105,25 @@ def test_workers_go_with_their_crew():
     del hands
     gc.collect()
     assert not any(Path(f"/proc/{pid}").exists() for pid in pids)
+
+
+def test_a_worker_that_outlives_its_program_ends_without_a_word(tmp_path):
+    program = f"""
+import os, sys
+sys.path[:] = {sys.path!r}
+import conftest
+from enfilade.core.parallel import Crew
+crew = Crew(2)
+crew.summon()
+results = crew.map(eval, (), ["1"] + ["__import__('time').sleep(0.5)"] * 4)
+next(results)
+os._exit(0)
+"""
+    root = Path(parallel.__file__).parents[1]
+    with (tmp_path / "said").open("wb") as said:
+        subprocess.run([sys.executable, "-c", program], cwd=root, stderr=said, check=True, timeout=60)
+        time.sleep(1.5)
+    assert (tmp_path / "said").read_bytes() == b""
 
 
 def test_without_other_processes_the_work_is_done_here(monkeypatch):
