@@ -6,7 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..core.scene import SceneError
-from . import job, last_light, viewport
+from . import job, last_light, overlay, viewport
 from .clear import clear, has_bake
 from .guards import REFUSALS, capital, in_object_mode, redraw_panels, sentence
 from .membership import membership
@@ -159,6 +159,7 @@ class ENFILADE_OT_bake(bpy.types.Operator):
         line = job.summary_line(reading, baked, written)
         bpy.data.scenes[reading.scene_name].enfilade.summary = line
         if self.show and not bpy.app.background:
+            overlay.hide()  # what was drawn over the surfaces before, such as the rooms that were found, would hide the light
             viewport.restore(context)
             viewport.show(context)
         self.report({"INFO"}, f"Baked {line}")
