@@ -91,13 +91,14 @@ class FlatLights:
 
 
 def shining_surfaces(regions: Regions, clusters: Clusters, clearance: float) -> FlatLights:
-    """The emitting regions."""
+    """The emitting regions, as far as they are covered: what lies under other things, or belongs to another lamp, shines not."""
     region = np.flatnonzero((regions.emission > 0).any(1))
-    members, row = ragged(regions.piece_start[region], np.diff(regions.piece_start)[region])
-    owner = region[row]
-    a, b, p = regions.piece_a[members], regions.piece_b[members], regions.piece_origin[members]
-    far = np.where(regions.piece_triangle[members, None], p + b, p + a + b)
-    outlines = np.stack([regions.world(owner, x) for x in (p, p + a, far, p + b)], axis=1)
+    members, row = ragged(regions.cover_start[region], np.diff(regions.cover_start)[region])
+    cover = regions.cover[members]
+    while cover.shape[1] > 3 and (cover[:, -1] == cover[:, -2]).all():  # the missing corners of all
+        cover = cover[:, :-1]
+    flat = regions.world(np.repeat(region[row], cover.shape[1]), cover.reshape(-1, 2))
+    outlines = flat.reshape(-1, cover.shape[1], 3)
     half = 0.5 * regions.size[region]
     sides = (regions.world(region, half), half[:, :1] * regions.u[region], half[:, 1:] * regions.v[region], regions.normal[region])
     return FlatLights(

@@ -114,7 +114,7 @@ class Options:
         ("auto", "gathered", "elements"),
         "Reflected light: gathered by rays at each point, or interpolated from the elements (faster, smoother); auto does so for textures",
     )
-    max_iterations: int = _option(100, "int", "Most iterations of shooting, each visiting every emitter once", minimum=1, maximum=100_000)
+    max_iterations: int = _option(1000, "int", "Most iterations of shooting, each visiting every emitter once", minimum=1, maximum=100_000)
     memory: int = _option(
         0,
         "size",

@@ -84,7 +84,7 @@ def _steps(scene: Scene, options: Options, desk: Workspace) -> Generator[Progres
     strategy = ordering.STRATEGIES[options.ordering](sets)
     routes = stages.routes_of(linked.links, emitters, space)
     emitted = emitted_power(building) + lamp_power(scene.lamps) + entered_power(building, forest, lamps, light, desk.crew)
-    shooter = Shooter(forest, routes, emitters, light, gains, emitted, space)
+    shooter = Shooter(forest, routes, emitters, clusters.room if by_cluster else np.arange(units), light, gains, emitted, space)
     radiosity = yield from stages.shoot(
         shooter, strategy, rng, limits.unshot, options, desk, lambda: so_far(forest, light, shooter.so_far())
     )

@@ -19,6 +19,10 @@ from .routes import Beam, Routes
 from .store import Residency, Space, give_back
 
 
+DIM = 10.0
+"""The unshot part of any one room's light may be this many times the part of the whole building's."""
+
+
 @dataclass(frozen=True)
 class Shot:
     """How far the solution is: iteration, the emitter that shot, and unshot over emitted power."""
@@ -48,7 +52,7 @@ class Radiosity:
 class Shooter:
     """State of the shooting of reflected light between emitters (clusters or cells).
 
-    routes : the links of ``emitters``, whose elements are those of ``forest``
+    routes : the links of ``emitters``, whose elements are those of ``forest``;  rooms : (U,) room of each emitter
     direct : (E, m, 3) irradiance from luminaires at every element, ancestors included
     gains : of the links;  emitted : W, for the convergence test
     space : where the light is kept. What is not in memory of it goes to disk emitter by emitter.
@@ -59,13 +63,14 @@ class Shooter:
         forest: Forest,
         routes: Routes,
         emitters: Emitters,
+        rooms: np.ndarray,
         direct: np.ndarray,
         gains: Gains,
         emitted: float,
         space: Space | None = None,
     ):
         self._forest, self._routes, self._emitters, self._emitted = forest, routes, emitters, emitted
-        self._first, self._gains = direct, gains
+        self._rooms, self._first, self._gains = rooms, direct, gains
         self._space = space or Space()
         self._trees: dict[int, Subtrees] = {}
         self._light, mapped = self._space.paged(len(forest), _light_of(forest))
@@ -86,17 +91,15 @@ class Shooter:
         self._iteration, self._last = 0, -1
 
     def run(self, strategy: Strategy, rng: np.random.Generator, tolerance: float, max_iterations: int) -> Iterator[Shot | Radiosity]:
-        """Shoot until the unshot part of the emitted power is at most ``tolerance``; yields every shot, at last the light.
+        """Shoot until the unshot part of the emitted power is at most ``tolerance``, and that of the light of each room ``DIM`` times
+        this; yields every shot, at last the light.
 
         In every iteration each emitter shoots once, in the order of ``strategy`` (paper, figure 7). One with next to nothing to
         shoot is passed over, and nothing is read for it, until it has received more.
         """
-        limit = tolerance * max(self._emitted, 1e-300)
-        # What is far below its share of the tolerance waits for more: a shot of next to nothing costs as much as any.
-        least = 0.1 * limit / len(self._emitters)
         # Whoever is marked has shot in an iteration that was interrupted: it is finished first.
-        while self._marked.any() or (self.unshot.sum() > limit and self._iteration < max_iterations):
-            while (waiting := ~self._marked & ((unshot := self.unshot.sum(1)) > least)).any():
+        while self._marked.any() or (self._iteration < max_iterations and not self._settled(tolerance)):
+            while (waiting := ~self._marked & ((unshot := self.unshot.sum(1)) > self._least(tolerance))).any():
                 self._last = strategy(Candidates(np.flatnonzero(waiting), unshot, self._last, rng))
                 self._marked[self._last] = True
                 self._shoot(self._last)
@@ -104,6 +107,20 @@ class Shooter:
             self._iteration += 1
             self._marked[:] = False
         yield self._finish()
+
+    def _of_rooms(self) -> tuple[np.ndarray, np.ndarray]:
+        """(R,) W that the emitters of each room have not shot, and (R,) W of all that they have reflected so far."""
+        unshot = self.unshot.sum(1)
+        return np.bincount(self._rooms, unshot), np.bincount(self._rooms, unshot + self.shot.sum(1))
+
+    def _settled(self, tolerance: float) -> bool:
+        unshot, whole = self._of_rooms()
+        return unshot.sum() <= tolerance * self._emitted and bool((unshot <= DIM * tolerance * whole).all())
+
+    def _least(self, tolerance: float) -> np.ndarray:
+        """(U,) W below which an emitter waits for more: a shot of next to nothing costs as much as any."""
+        share = DIM * tolerance * self._of_rooms()[1] / np.maximum(np.bincount(self._rooms), 1)
+        return 0.1 * np.minimum(tolerance * self._emitted / len(self._emitters), share[self._rooms])
 
     def state(self) -> dict[str, np.ndarray]:
         """All that a shooter of the same links needs to go on from here; to be used before the next shot."""

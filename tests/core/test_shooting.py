@@ -61,7 +61,7 @@ class Case:
         direct = self.direct if direct is None else direct
         emitters = emitters_of(self.forest, unit, int(unit.max()) + 1)
         routes = RoutesInMemory(self.links, emitters) if space is None else RoutesOnDisk(self.links, emitters, space.zeros)
-        return Shooter(self.forest, routes, emitters, direct, self.gains, self.emitted, space)
+        return Shooter(self.forest, routes, emitters, np.zeros(len(emitters), int), direct, self.gains, self.emitted, space)
 
     def run(self, tolerance=1e-7, ordering="max_energy", iterations=1000, **more):
         return self.steps(ordering, 1, tolerance, iterations, **more)[-1]
