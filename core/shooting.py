@@ -18,7 +18,6 @@ from .ordering import Candidates, Strategy
 from .routes import Beam, Routes
 from .store import Residency, Space, give_back
 
-
 DIM = 10.0
 """The unshot part of any one room's light may be this many times the part of the whole building's."""
 
