@@ -56,7 +56,7 @@ class ENFILADE_OT_portal_from_objects(bpy.types.Operator):
 
     leave_out: bpy.props.BoolProperty(
         name="Leave Objects Out",
-        description="Leave the doors and windows themselves out of the bake, so that light passes where they stand",
+        description="Leave the doors and windows themselves out of the bake, so that light passes where they stand, and show them as wires",
         default=True,
     )
     fit: bpy.props.BoolProperty(
@@ -88,7 +88,9 @@ class ENFILADE_OT_portal_from_objects(bpy.types.Operator):
         portals = []
         for thing, corners in made:
             portals.append(add_portal(context.scene, f"Portal {thing.name}", [corners]))
-            thing.enfilade.left_out = thing.enfilade.left_out or self.leave_out
+            if self.leave_out:
+                thing.enfilade.left_out = True
+                thing.display_type = "WIRE"  # it carries no light, and would stand white before the room behind it
         self.report({"INFO"}, _made(portals))
         return {"FINISHED"}
 
