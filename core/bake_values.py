@@ -6,7 +6,7 @@ An item (:class:`CornerItem`, :class:`PageItem`) knows at which surface points i
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -26,6 +26,8 @@ class Light(Protocol):
     """What a bake needs of a solution: see :class:`enfilade.core.solution.Solution`."""
 
     def irradiance(self, points: np.ndarray, polygon: np.ndarray) -> np.ndarray: ...
+
+    def irradiance_of_groups(self, points: np.ndarray, polygon: np.ndarray) -> np.ndarray: ...
 
     def shows(self, points: np.ndarray, polygon: np.ndarray) -> np.ndarray: ...
 
@@ -265,7 +267,25 @@ class PageItem:
 
 def evaluate(items: Sequence[CornerItem | PageItem], light: Light, scene: Scene) -> Generator[float, None, list[np.ndarray]]:
     """Ask for the light of all items in blocks of points; yields the finished fraction, returns the values of each item."""
-    values: list[np.ndarray] = []
+    values = yield from _evaluated(items, light, lambda at, polygon: light.irradiance(at, polygon)[:, None], (scene,))
+    return [value for (value,) in values]
+
+
+def evaluate_groups(
+    items: Sequence[CornerItem | PageItem], light: Light, scenes: Sequence[Scene]
+) -> Generator[float, None, list[tuple[np.ndarray, ...]]]:
+    """As :func:`evaluate`, the values of each item by each light group alone; ``scenes``, one for each group, shine with it alone."""
+    return (yield from _evaluated(items, light, light.irradiance_of_groups, scenes))
+
+
+def _evaluated(
+    items: Sequence[CornerItem | PageItem],
+    light: Light,
+    ask: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    scenes: Sequence[Scene],
+) -> Generator[float, None, list[tuple[np.ndarray, ...]]]:
+    """The values of each item by the light of each of K ``scenes``; ``ask`` for irradiance (N, K, 3) at points of polygons."""
+    values: list[tuple[np.ndarray, ...]] = []
     waiting: list[tuple[CornerItem | PageItem, int]] = []
     points: list[np.ndarray] = []
     polygons: list[np.ndarray] = []
@@ -279,15 +299,16 @@ def evaluate(items: Sequence[CornerItem | PageItem], light: Light, scene: Scene)
         if sum(count for _, count in waiting) < BLOCK and number + 1 < len(items):
             continue
         at, polygon = np.concatenate(points), np.concatenate(polygons)
-        received = np.zeros((len(at), 3))
+        received = np.zeros((len(at), len(scenes), 3))
         for begin in range(0, len(at), BLOCK):
             block = slice(begin, begin + BLOCK)
-            received[block] = light.irradiance(at[block], polygon[block])
+            received[block] = ask(at[block], polygon[block])
             done = min(1.0, (begin + BLOCK) / max(len(at), 1))
             yield (number + 1 - len(waiting) * (1.0 - done)) / len(items)
         first = 0
         for one, count in waiting:
-            values.append(one.finish(received[first : first + count], scene))
+            mine = received[first : first + count]
+            values.append(tuple(one.finish(mine[:, k], scene) for k, scene in enumerate(scenes)))
             first += count
         waiting, points, polygons = [], [], []
     return values

@@ -6,7 +6,8 @@ the part of it that came straight from the luminaires.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,8 +26,8 @@ class ExitanceMap:
     """Texels of K pieces.
 
     start : (K,) int64 first texel of each piece;  width, height : (K,) int32 texels along its sides
-    exitance, direct : (T, 3) float32, W/m2, all that is reflected, and of this the light of the luminaires
-    reflectance : (K, 3) float32;  size : of a texel, about, m
+    exitance, direct : (T, c) float32, W/m2, all that is reflected, and of this the light of the luminaires
+    reflectance : (K, c) float32;  size : of a texel, about, m
     """
 
     start: np.ndarray
@@ -36,6 +37,11 @@ class ExitanceMap:
     direct: np.ndarray
     reflectance: np.ndarray
     size: float
+
+    @property
+    def channels(self) -> int:
+        """Colours per texel: three, or three for each of the maps that are :func:`beside` one another."""
+        return self.exitance.shape[1]
 
     def texel(self, piece: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """(n,) the texel at places 0 <= x, y <= 1 of pieces (n,), as parts of their sides."""
@@ -71,3 +77,11 @@ def exitance_map(regions: Regions, forest: Forest, direct: np.ndarray, reflected
         values[0, here] = np.maximum(first_light + more, 0) * reflectance[piece]
         values[1, here] = np.maximum(first_light, 0) * reflectance[piece]
     return ExitanceMap(start, width, height, values[0], values[1], reflectance, texel)
+
+
+def beside(maps: Sequence[ExitanceMap]) -> ExitanceMap:
+    """Maps of the same texels in different light as one map with the channels of all, so that rays are traced once."""
+    exitance, direct, reflectance = (
+        np.concatenate([getattr(one, name) for one in maps], axis=1) for name in ("exitance", "direct", "reflectance")
+    )
+    return replace(maps[0], exitance=exitance, direct=direct, reflectance=reflectance)

@@ -36,7 +36,7 @@ SHELF, SHEAF = 16, 96
 
 @dataclass(frozen=True)
 class Gathered:
-    """Reflected irradiance (n, 3) float32, W/m2, at the points ``index`` (n,)."""
+    """Reflected irradiance (n, c) float32, W/m2, in the channels of the exitance map, at the points ``index`` (n,)."""
 
     index: np.ndarray
     irradiance: np.ndarray
@@ -157,7 +157,7 @@ def _gather(building: Building, room: _Room, exitance: ExitanceMap, index, point
         form[:, k] = _form(points, normals, room.frames.corners[k])
     clear = form * (room.transmittance == 1)  # what is behind glass is seen through it alone, and dimmed
     near = np.where(clear.max(1, initial=0) > NEAR, clear.argmax(1), -1) if count else np.full(len(points), -1)
-    out, work, ends = np.zeros((len(points), 3)), Workspace(), []
+    out, work, ends = np.zeros((len(points), exitance.channels)), Workspace(), []
     # Points that face one way share the directions of their rays, whatever surface they lie on.
     frames, way = np.unique(np.round(frame, 6).reshape(-1, 9), axis=0, return_inverse=True)
     way = way.reshape(-1)
@@ -186,7 +186,7 @@ def _gather(building: Building, room: _Room, exitance: ExitanceMap, index, point
 
 
 def _add(out: np.ndarray, row: np.ndarray, light: np.ndarray) -> None:
-    """Add light (s, 3) to ``out`` (n, 3) at ``row`` (s,)."""
+    """Add light (s, c) to ``out`` (n, c) at ``row`` (s,)."""
     for k in range(out.shape[1]):
         out[:, k] += np.bincount(row, light[:, k], minlength=len(out))
 
@@ -194,7 +194,7 @@ def _add(out: np.ndarray, row: np.ndarray, light: np.ndarray) -> None:
 def _over_hemisphere(
     room: _Room, portal: int, frame: np.ndarray, blocker_normals: np.ndarray, exitance: ExitanceMap, points, rows, rays: int, work, out
 ) -> list[tuple[np.ndarray, Ends]]:
-    """Add to ``out`` (n, 3) what rays over the hemisphere find from the points ``rows``, all with one frame (3, 3), near ``portal`` or -1.
+    """Add to ``out`` (n, c) what rays over the hemisphere find from the points ``rows``, all with one frame (3, 3), near ``portal`` or -1.
 
     Returns the rays that end close by, which have not been counted: their points and ends.
     """
@@ -205,7 +205,7 @@ def _over_hemisphere(
     normal = frame[2].astype(np.float32)
     top = (faces.corners @ normal).max(1)
     for part, centre, radius in point_shelves(points, rows):
-        found = np.zeros((len(part), 3))
+        found = np.zeros((len(part), exitance.channels))
         ahead = top > (points[part] @ normal).min() + faces.clearance
         seen = faces.toward(centre, radius, axis, sheaves.angle) & ahead[:, None]
         for t in range(len(axis)):
@@ -224,7 +224,7 @@ def _over_hemisphere(
 
 
 def _through(faces: Faces, portal: np.ndarray, exitance: ExitanceMap, points, normals, form, rows, rays: int, work: Workspace, out) -> None:
-    """Add to ``out`` (n, 3) what rays to places in a portal (4, 3) find behind it from the points ``rows``."""
+    """Add to ``out`` (n, c) what rays to places in a portal (4, 3) find behind it from the points ``rows``."""
     places = _places(portal, rays)
     middle = portal.mean(0)
     size = float(np.linalg.norm(portal - middle, axis=1).max())
@@ -240,7 +240,7 @@ def _through(faces: Faces, portal: np.ndarray, exitance: ExitanceMap, points, no
         weight = np.maximum(np.einsum("nrc,nc->nr", offset, normals[part]), 0) * np.abs(offset @ across)
         weight /= squared * squared
         weight *= (form[part] / np.maximum(weight.sum(1), 1e-30))[:, None]
-        found = np.zeros((len(part), 3))
+        found = np.zeros((len(part), exitance.channels))
         for sights in look(some, aimed(some, places), exitance, points[part], work):
             _add(found, sights.point, exitance.exitance[sights.texel] * weight[sights.point, sights.ray, None])
         out[part] += found

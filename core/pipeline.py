@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Generator
 from contextlib import closing
 from dataclasses import replace
@@ -14,12 +15,13 @@ from .emitters import emitters_of
 from .glass import dimmed_rooms
 from .lamp_power import entered_power, idle_lamps, lamp_power
 from .light_sources import light_sources
+from .lightings import lightings_of
 from .options import Options
 from .progress import Progress, TimeLeft
 from .report import emitted_power, report_of
 from .scene import Scene
-from .shooting import Shooter
-from .solution import Solution
+from .shooting import Radiosity, Shooter, summed
+from .solution import Contribution, Solution
 from .workspace import Workspace, workspace
 
 __all__ = ["Progress", "run", "solve"]
@@ -81,22 +83,36 @@ def _steps(scene: Scene, options: Options, desk: Workspace) -> Generator[Progres
     gains = links.closing_gains(forest, linked.links, closed[surfaces.room[forest.region]], emitters, space.zeros)
     yield Progress("solve", 0.7, f"Ordering {units:,} emitters")
     sets = ordering.visible_sets(building.graph, clusters.polygons, unit, units)
-    strategy = ordering.STRATEGIES[options.ordering](sets)
     routes = stages.routes_of(linked.links, emitters, space)
-    emitted = emitted_power(building) + lamp_power(scene.lamps) + entered_power(building, forest, lamps, light, desk.crew)
-    shooter = Shooter(forest, routes, emitters, clusters.room if by_cluster else np.arange(units), light, gains, emitted, space)
-    radiosity = yield from stages.shoot(
-        shooter, strategy, rng, limits.unshot, options, desk, lambda: so_far(forest, light, shooter.so_far())
-    )
+    rooms = clusters.room if by_cluster else np.arange(units)
+    parts, shots, emitted, disk = [], [], 0.0, Counter()
+    lightings = lightings_of(scene, building, lamps)
+    for k, one in enumerate(lightings):
+        turn = stages.Turn(k, len(lightings), one.name)
+        first = (yield from stages.light_of_group(building, linked, one.kinds, turn, desk)) if one.name else light
+        power = emitted_power(one.building) + lamp_power(one.scene.lamps)
+        power += entered_power(one.building, forest, one.kinds, first, desk.crew)
+        strategy = ordering.STRATEGIES[options.ordering](sets)
+        shooter = Shooter(forest, routes, emitters, rooms, first, gains, power, space)
+
+        def preview(shooter: Shooter = shooter, before: tuple[Radiosity, ...] = tuple(shots)) -> Solution:
+            return so_far(forest, light, sum((shot.irradiance for shot in before), shooter.so_far()))
+
+        shots.append((yield from stages.shoot(shooter, strategy, rng, limits.unshot, options, desk, preview, turn)))
+        parts.append(Contribution(one.kinds, first, shots[-1].irradiance))
+        emitted += power
+        disk.update(shooter.disk())
+    radiosity = summed(shots)
     clock.seconds["solve"] = sum(clock.seconds[part] for part in PARTS)
 
     irradiance = light + radiosity.irradiance
     escaped = escape.escaped_power(building, forest, irradiance, lost, desk.crew)
     report = report_of(scene.polygon_count, building, forest, linked, radiosity, irradiance, closed, emitted, escaped)
-    report |= {"shadow_tests": linked.shadow_tests, "warnings": findings + idle_lamps(building, scene.lamps, lamps), "disk": shooter.disk()}
+    report |= {"shadow_tests": linked.shadow_tests, "warnings": findings + idle_lamps(building, scene.lamps, lamps), "disk": dict(disk)}
     report["solve_seconds"] = {part: clock.seconds.pop(part) for part in PARTS}
     report["seconds"] = clock.seconds
     rays = 0 if options.reflected == "elements" else limits.rays
-    solution = Solution(scene, building, forest, lamps, light, radiosity.irradiance, rays, limits.min_size / 2, desk.crew, report)
+    groups = tuple(parts) if scene.groups is not None else ()
+    solution = Solution(scene, building, forest, lamps, light, radiosity.irradiance, rays, limits.min_size / 2, desk.crew, report, groups)
     desk.store.keep("light", solution.light)
     return solution

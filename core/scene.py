@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .lamps import Lamps
+from .light_groups import LightGroups
 
 OUTSIDE = -1
 """Room index of the outside of the building, as one of the two rooms of a portal."""
@@ -79,6 +80,7 @@ class Scene:
     portals : Portals
     points : EvaluationPoints or None
     lamps : what shines on the scene beside its emitting polygons
+    groups : LightGroups, or None where all light is one
     """
 
     name: str
@@ -95,6 +97,7 @@ class Scene:
     portals: Portals = field(default_factory=no_portals)
     points: EvaluationPoints | None = None
     lamps: Lamps = field(default_factory=Lamps)
+    groups: LightGroups | None = None
 
     @property
     def polygon_count(self) -> int:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .lamp_checks import checked_lamps, shines
+from .light_group_checks import refuse_wrong_groups
 from .polygons import area_vectors, loop_polygon
 from .portal_sides import reversed_portals
 from .scene import OUTSIDE, Portals, Scene, SceneError
@@ -53,6 +54,7 @@ def check(scene: Scene) -> tuple[Scene, tuple[Finding, ...]]:
     _refuse_broken_arrays(scene)
     scene = _three_corners(scene)
     _refuse_wrong_portals(scene)
+    refuse_wrong_groups(scene)
     findings: list[Finding] = []
     vectors = area_vectors(scene)
     area = np.linalg.norm(vectors, axis=1)

@@ -20,7 +20,7 @@ place of ``polys``, so that a reader of the plain form stops instead of showing 
 four-sided ones put ``portal_vertices`` and ``portal_start`` in the place of ``portals``; ``portal_depth`` (K,) holds how
 far bent openings lie from the planes of their polygons, metres; ``portal_transmittance`` (K,) what their
 glass lets through; ``object``, ``object_names``, ``room_names`` and ``portal_names`` hold what the names say; lamps, sun and
-sky have the keys of :mod:`lamp_files`. Numbers are written as float32 where
+sky have the keys of :mod:`lamp_files`, light groups those of :mod:`light_group_files`. Numbers are written as float32 where
 that loses nothing and as float64 otherwise, so a saved scene loads back equal.
 """
 
@@ -35,6 +35,7 @@ from typing import Any
 import numpy as np
 
 from .lamp_files import lamp_arrays, read_lamps
+from .light_group_files import group_arrays, read_groups
 from .npz_files import DamagedFile, read_arrays, write_arrays
 from .scene import EvaluationPoints, Portals, Scene, SceneError
 from .scene_checks import FARTHEST
@@ -150,6 +151,7 @@ def _load_npz(path: Path) -> Scene:
         portals=Portals(portal_vertices, np.asarray(portal_start, np.int64), portal_rooms, portal_names, portal_depth, transmittance),
         points=points,
         lamps=read_lamps(reader, str(path)),
+        groups=read_groups(reader),
     )
 
 
@@ -244,7 +246,7 @@ def _npz_arrays(scene: Scene) -> dict[str, np.ndarray]:
         arrays["pts"] = _compact(scene.points.position)
         arrays["pts_n"] = _compact(scene.points.normal)
         arrays["pts_poly"] = scene.points.polygon.astype(np.int32)
-    return arrays | lamp_arrays(scene.lamps, _compact)
+    return arrays | lamp_arrays(scene.lamps, _compact) | group_arrays(scene.groups)
 
 
 def _compact(values: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ coefficients, pushed to the leaves, reflected and pulled back up when the elemen
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -238,6 +238,18 @@ class Shooter:
             self._page_out(places.start, places.stop)
             self._space.breathe()
         return Radiosity(out, self._iteration, self.unshot.sum(0), brightest, self.received, self.shot)
+
+
+def summed(parts: Sequence[Radiosity]) -> Radiosity:
+    """The light of several lightings of one forest together."""
+    if len(parts) == 1:
+        return parts[0]
+    irradiance = parts[0].irradiance + parts[1].irradiance
+    for part in parts[2:]:
+        irradiance += part.irradiance
+    unshot, received, shot = (np.sum([getattr(part, name) for part in parts], axis=0) for name in ("unshot", "received", "shot"))
+    iterations, brightest = max(part.iterations for part in parts), sum(part.unshot_exitance for part in parts)
+    return Radiosity(irradiance, iterations, unshot, brightest, received, shot)
 
 
 def _light_of(forest: Forest) -> np.dtype:

@@ -73,13 +73,13 @@ def followed(
     exitance: ExitanceMap,
     work: Workspace,
 ) -> np.ndarray:
-    """(n, 3) exitance of the surfaces at ``ends``, by one path from each.
+    """(n, c) exitance, in the channels of the map, of the surfaces at ``ends``, by one path from each.
 
     all_round : faces of the room with all its portals as stops, and then for each portal those of the room and behind it, where the
     others are stops;  beyond : for each portal, the faces that a ray through it may meet;  transmittance : (K,) of the portals
     normals : (B, 3) of all blockers
     """
-    out = np.zeros((len(ends.piece), 3), np.float32)
+    out = np.zeros((len(ends.piece), exitance.channels), np.float32)
     share, active = np.ones_like(out), np.arange(len(out))
     for bounce in range(MOST - 1):
         out[active] += share[active] * exitance.direct[ends.texel]

@@ -51,17 +51,41 @@ class Lit:
 class Linked:
     """A forest with all its links.
 
-    light : (E, m, 3) irradiance by luminaires;  lost : (R,) share of the rays of a room that no surface receives
+    light : (E, m, 3) irradiance by luminaires;  lit : elements that there were when it was computed
+    lost : (R,) share of the rays of a room that no surface receives
     dropped : W, bounds the light of exchanges left out;  segment_tests, shadow_tests : how often visibility was asked
     """
 
     forest: Forest
     links: list[LinkSet]
     light: np.ndarray
+    lit: int
     lost: np.ndarray
     dropped: float
     segment_tests: int
     shadow_tests: int
+
+
+@dataclass(frozen=True)
+class Turn:
+    """The lighting ``number`` of ``count`` is lit and shot; ``name`` of its light group, "" for all light at once."""
+
+    number: int
+    count: int
+    name: str
+
+    @property
+    def title(self) -> str:
+        """What messages begin with."""
+        return f"{self.name}: " if self.name else ""
+
+    def stage(self, name: str) -> str:
+        """The name of a stage in the store."""
+        return f"{name}-g{self.number}" if self.name else name
+
+    def at(self, share: float) -> float:
+        """The fraction of the whole run that is done with this ``share`` of the turn."""
+        return 0.7 + 0.3 * (self.number + share) / self.count
 
 
 def build(
@@ -130,7 +154,8 @@ def linked_before(building: Building, options: Options, desk: Workspace) -> Link
     sets = [LinkSet(*(arrays[f"{name}-{k}"] for name in ("a", "b", "exchange")), two_way) for k, two_way in enumerate(facts["two_way"])]
     desk.clock.lap("light", facts["light_seconds"])
     desk.clock.lap("link", facts["seconds"])
-    return Linked(forest, sets, arrays["light"], arrays["lost"], facts["dropped"], facts["segment_tests"], facts["shadow_tests"])
+    counts = facts["dropped"], facts["segment_tests"], facts["shadow_tests"]
+    return Linked(forest, sets, arrays["light"], facts["lit"], arrays["lost"], *counts)
 
 
 def link(building: Building, lit: Lit, limits: Tolerances, desk: Workspace) -> Generator[Progress, None, Linked]:
@@ -149,11 +174,27 @@ def link(building: Building, lit: Lit, limits: Tolerances, desk: Workspace) -> G
     sets = {f"{name}-{k}": [getattr(s, name) for s in group] for k, group in enumerate(groups) for name in ("a", "b", "exchange")}
     facts = {
         "two_way": [group[0].two_way for group in groups], "dropped": made.dropped, "segment_tests": int(made.segment_tests),
-        "shadow_tests": lit.tests, "seconds": seconds, "light_seconds": clock.seconds["light"],
+        "shadow_tests": lit.tests, "lit": len(lit.light), "seconds": seconds, "light_seconds": clock.seconds["light"],
     }  # fmt: skip
     desk.store.keep_arrays("links", arrays_of(forest) | sets | {"light": light, "lost": lost}, facts)
     desk.store.drop("lamps")
-    return Linked(forest, made.links, light, lost, made.dropped, facts["segment_tests"], lit.tests)
+    return Linked(forest, made.links, light, len(lit.light), lost, made.dropped, facts["segment_tests"], lit.tests)
+
+
+def light_of_group(building: Building, linked: Linked, kinds: Any, turn: Turn, desk: Workspace) -> Generator[Progress, None, np.ndarray]:
+    """(E, m, 3) irradiance by some of the luminaires, on the elements as all of them have made them."""
+    stage = turn.stage("group")
+    if saved := desk.store.recall(stage):
+        desk.clock.lap("light", desk.clock.seconds["light"] + saved.facts["seconds"])
+        return saved.arrays()["light"]
+    steps = illumination.light_on(building, linked.forest, linked.lit, kinds, desk.crew)
+    found = yield from _follow(steps, turn.at(0.0), turn.at(0.5), lambda: f"{turn.title}Light of the luminaires")
+    light = desk.space.zeros(found.shape, np.float32)
+    light[:] = found
+    before = desk.clock.seconds["light"]
+    seconds = desk.clock.lap("light", before) - before
+    desk.store.keep_arrays(stage, {"light": light}, {"seconds": seconds})
+    return light
 
 
 def routes_of(links: list[LinkSet], emitters: Emitters, space: Space) -> Routes:
@@ -171,30 +212,32 @@ def shoot(
     options: Options,
     desk: Workspace,
     so_far: Callable[[], Solution],
+    turn: Turn,
 ) -> Generator[Progress, None, Radiosity]:
     """Shoot to the end; the state is kept from time to time, and where the store has one the shooting goes on from it."""
-    before = 0.0
-    if saved := desk.store.recall("shooting", options.ordering):
+    before, stage = 0.0, turn.stage("shooting")
+    if saved := desk.store.recall(stage, options.ordering):
         shooter.restore(saved.arrays())
         rng.bit_generator.state, before = saved.facts["rng"], saved.facts["seconds"]
 
     def keep() -> float:
         start = time.perf_counter()
         facts = {"rng": rng.bit_generator.state, "seconds": before + desk.clock.running()}
-        desk.store.keep_arrays("shooting", shooter.state(), facts, options.ordering)
+        desk.store.keep_arrays(stage, shooter.state(), facts, options.ordering)
         return time.perf_counter() - start
 
     due = time.perf_counter() + CHECKPOINT_SECONDS
     for step in shooter.run(strategy, rng, tolerance, options.max_iterations):
         if isinstance(step, Radiosity):
             keep()
-            desk.clock.lap("shoot", before)
+            desk.clock.lap("shoot", before + desk.clock.seconds.get("shoot", 0.0))
             return step
         if time.perf_counter() > due:
             took = keep()
             due = time.perf_counter() + max(CHECKPOINT_SECONDS, took / CHECKPOINT_SHARE)
-        message = f"Iteration {step.iteration + 1}: {step.unshot_fraction:.2%} unshot"
-        yield Progress("solve", 0.7 + 0.3 * _share(step, tolerance), message, so_far)
+        share = _share(step, tolerance)
+        message = f"{turn.title}Iteration {step.iteration + 1}: {step.unshot_fraction:.2%} unshot"
+        yield Progress("solve", turn.at(0.5 + 0.5 * share if turn.name else share), message, so_far)
     raise RuntimeError("the shooting ended without a result")
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -204,13 +205,13 @@ class Store(Nowhere):
         """Remove what is not named by the manifest and bears a name that only a store gives."""
         named = {Path(name).parts[0] for entry in self._stages.values() for name in entry["files"]}
         for path in self._folder.iterdir():
-            ours = path.name.endswith(_PART) or path.name.startswith("scratch-") or path.name.removesuffix("-2") in FOLDERS
+            ours = path.name.endswith(_PART) or path.name.startswith("scratch-") or FOLDERS.fullmatch(path.name)
             if ours and path.name not in named:
                 _remove(path)
 
 
-FOLDERS = ("lamps", "links", "shooting")
-"""Stages that are kept as folders of arrays."""
+FOLDERS = re.compile(r"(lamps|links|(group|shooting)(-g\d+)?)(-2)?")
+"""Stages that are kept as folders of arrays; those of light groups have their numbers."""
 
 
 def _inside(name: str) -> str:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from enfilade.core import bake_values
-from enfilade.core.bake_values import Carrier, CornerItem, PageItem, evaluate, plan_page, refined
+from enfilade.core.bake_values import Carrier, CornerItem, PageItem, evaluate, evaluate_groups, plan_page, refined
 from enfilade.core.scene import Scene, SceneError
 
 QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
@@ -41,8 +41,11 @@ def scene(count, reflectance=0.5, emission=0.0):
 
 
 def run(items, light, where):
+    return drained(evaluate(items, light, where))
+
+
+def drained(generator):
     steps = []
-    generator = evaluate(items, light, where)
     try:
         while True:
             steps.append(next(generator))
@@ -238,3 +241,19 @@ def test_the_dark_under_a_rug_does_not_creep_out():
     lit = color[:, 0] > 0
     # Only the face that lies under the rug with all of itself has dark corners, and those that it has to itself.
     assert lit.tolist() == [False, True, True, False] + [True] * 8
+
+
+def test_light_groups_are_evaluated_side_by_side():
+    class Two(Ramp):
+        def irradiance_of_groups(self, points, polygon):
+            whole = self.irradiance(points, polygon)
+            return np.stack([0.25 * whole, 0.75 * whole], axis=1)
+
+    where = [scene(6, emission=0.0), scene(6, emission=math.pi)]
+    items = [CornerItem(box(), "radiosity", "corner"), PageItem([box()], plan_page([box()], [0], 8, 2, 64, "box"), "radiosity", 2)]
+    parts, _ = drained(evaluate_groups(items, Two(), where))
+    (corners, texels), _ = run(items, Two(), where[1])
+    for (one, other), whole in zip(parts, (corners, texels), strict=True):
+        assert one.shape == other.shape == whole.shape
+        assert (one + other)[..., :3] == pytest.approx(whole[..., :3], rel=1e-5)
+        assert one[..., :3].mean() < other[..., :3].mean()
