@@ -23,6 +23,13 @@ def starts_of(sorted_keys: np.ndarray, count: int) -> np.ndarray:
     return np.searchsorted(sorted_keys, np.arange(count + 1)).astype(np.int64)
 
 
+def runs(keys: np.ndarray) -> np.ndarray:
+    """(r,) int64: where each run of equal ``keys`` (n,) begins."""
+    begins = np.ones(len(keys), bool)
+    np.not_equal(keys[1:], keys[:-1], out=begins[1:])
+    return begins.nonzero()[0]
+
+
 def components(count: int, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """(count,) int64 label of every node of an undirected graph with edges a-b; labels 0.. by smallest member."""
     label = np.arange(count)

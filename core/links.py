@@ -14,6 +14,7 @@ import numpy as np
 
 from .elements import Forest
 from .emitters import Emitters, emitters_of
+from .grouping import runs
 
 CLOSURE = (0.1, 10.0)
 """A node whose links add up to less or more than this sees next to nothing, or what cannot be."""
@@ -203,7 +204,7 @@ def _arriving(
             light = np.einsum("nij,nj->ni", exchange, power)
             order = np.argsort(receiver, kind="stable")
             to = receiver[order]
-            first = np.flatnonzero(np.r_[True, to[1:] != to[:-1]])
+            first = runs(to)
             total = np.add.reduceat(light[order], first, axis=0)
             if total.shape[1] == 1:
                 constant[to[first]] += total

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .grouping import runs
 from .regions import Regions
 
 _DIAGONALS = np.array([[1, 1, 0], [1, -1, 0], [1, 0, 1], [1, 0, -1], [0, 1, 1], [0, 1, -1]]) / np.sqrt(2)
@@ -319,7 +320,7 @@ def cut_segments(blockers: Blockers, pair: np.ndarray, blocker: np.ndarray, a: n
             here = rows[start : start + step]
             p, k = pair[here], blocker[here]
             cut = _cut(blockers, k, a[p], b[p], kind).reshape(i * j, len(here))
-            first = np.flatnonzero(np.r_[True, p[1:] != p[:-1]])
+            first = runs(p)
             flat[p[first]] |= np.logical_or.reduceat(cut, first, axis=1).T
             every = cut.all(0)
             cuts.alone[p[every]] = k[every]

@@ -13,6 +13,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from .emitters import Emitters
+from .grouping import runs
 from .links import BLOCK, Allocate, LinkSet, blocks, by_shape, directions, joined
 
 
@@ -101,7 +102,7 @@ class RoutesOnDisk:
 
 
 def _beam(source: np.ndarray, receiver: np.ndarray, exchange: np.ndarray) -> Beam:
-    first = np.flatnonzero(np.r_[True, receiver[1:] != receiver[:-1]])
+    first = runs(receiver)
     return Beam(source, exchange, first, receiver[first])
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from .elements import Forest, Subtrees
 from .emitters import Emitters
+from .grouping import runs
 from .links import BLOCK, Gains
 from .ordering import Candidates, Strategy
 from .routes import Beam, Routes
@@ -209,17 +210,18 @@ class Shooter:
     def _receive(self, beam: Beam, light: np.ndarray) -> None:
         forest, places = self._forest, beam.receivers
         emitter, elements = self._emitters.of(places), self._emitters.order[places]
-        self._residency.need(emitter[np.r_[True, emitter[1:] != emitter[:-1]]])
+        first = runs(emitter)
+        lit = emitter[first]
+        self._residency.need(lit)
         if light.shape[1] == 1:
             self._light["constant"][places] += light[:, 0]
             flux = light[:, 0] * forest.area[elements, None]
         else:
             self._light["gathered"][places] += light
             flux = np.einsum("nqc,nq->nc", light, forest.node_weights[elements])
-        reflected = flux * self._reflectance(elements)
-        for channel in range(3):
-            self.received[:, channel] += np.bincount(emitter, flux[:, channel], minlength=len(self._emitters))
-            self.unshot[:, channel] += np.bincount(emitter, reflected[:, channel], minlength=len(self._emitters))
+        flux = flux.astype(np.float64)  # sums over many elements
+        self.received[lit] += np.add.reduceat(flux, first, axis=0)
+        self.unshot[lit] += np.add.reduceat(flux * self._reflectance(elements), first, axis=0)
 
     def _finish(self) -> Radiosity:
         forest, emitters = self._forest, self._emitters

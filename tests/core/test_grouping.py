@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from enfilade.core.grouping import GrowingArray, components, gathered, morton, ragged, starts_of
+from enfilade.core.grouping import GrowingArray, components, gathered, morton, ragged, runs, starts_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -97,3 +97,9 @@ def test_gathered_blocks_hold_every_member_once_within_the_size(weights, size):
     assert sorted(k for block in blocks for k in block.tolist()) == list(range(sum(weights)))
     single = {tuple(p.tolist()) for p in parts}
     assert all(len(block) <= size or tuple(block.tolist()) in single for block in blocks)
+
+
+@pytest.mark.parametrize("keys", [[], [3], [1, 1, 1], [1, 2, 2, 5, 5, 5, 6]])
+def test_runs_begin_where_a_key_differs_from_the_one_before(keys):
+    expected = [k for k in range(len(keys)) if k == 0 or keys[k] != keys[k - 1]]
+    assert runs(np.array(keys, int)).tolist() == expected
