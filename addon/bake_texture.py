@@ -5,10 +5,13 @@ from __future__ import annotations
 
 import re
 import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import bpy
 import numpy as np
+
+from ..core.photometry import recombined
 
 SUFFIX = {"exr": ".exr", "png": ".png"}
 
@@ -80,6 +83,44 @@ def write_image(name: str, pixels: np.ndarray, image_format: str, folder: str) -
     image.use_fake_user = True  # without a user it would not be saved
     image.enfilade.made = True
     return image
+
+
+def keep(image: bpy.types.Image) -> None:
+    """Put the pixels of an image from :func:`write_image` that were changed since to where they are saved: its file, or the .blend."""
+    if image.packed_file is None:
+        image.save()
+    elif image.file_format == "PNG":
+        with tempfile.TemporaryDirectory() as scratch:
+            path = Path(scratch) / "image.png"
+            image.filepath_raw = str(path)
+            image.save()
+            packed = path.read_bytes()
+            image.pack(data=packed, data_len=len(packed))
+        image.filepath_raw = ""
+    else:
+        image.pack()
+
+
+def recombine(image: bpy.types.Image, factors: Mapping[str, Sequence[float]]) -> None:
+    """Add the light groups of an image up in its pixels; ``factors`` (3,) by their names, 1 for others.
+
+    An image that has none, or has lost one of them or its size, is left as it is.
+    """
+    tags, size = image.enfilade, tuple(image.size)
+    groups = [part.image for part in tags.parts]
+    if not groups or any(group is None or tuple(group.size) != size or group.channels != image.channels for group in groups):
+        return
+    pixels = recombined(tags.quantity, map(_pixels, groups), [factors.get(part.name, (1.0, 1.0, 1.0)) for part in tags.parts])
+    # Its file takes no more than a display shows, so nor does the image. From a PNG file the buffer is linear as well.
+    image.pixels.foreach_set((np.clip(pixels, 0.0, 1.0) if image.file_format == "PNG" else pixels).ravel())
+    image.update()
+
+
+def _pixels(image: bpy.types.Image) -> np.ndarray:
+    """(n, 4) float32."""
+    out = np.empty(image.size[0] * image.size[1] * image.channels, np.float32)
+    image.pixels.foreach_get(out)
+    return out.reshape(-1, image.channels)
 
 
 def _reloaded(image: bpy.types.Image, path: Path) -> bpy.types.Image:

@@ -49,9 +49,12 @@ def clear(scene: bpy.types.Scene, names: frozenset[str] | None = None) -> list[s
             thing.enfilade.own_mesh_of = None
     for material in [m for m in bpy.data.materials if m.enfilade.made and m.users == 0]:
         bpy.data.materials.remove(material)
-    for image in [i for i in bpy.data.images if i.enfilade.made and i.users - i.use_fake_user <= 0]:
-        bpy.data.images.remove(image)
+    # The lightmap of a light group is in use by the one that it is a part of.
+    while unused := [i for i in bpy.data.images if i.enfilade.made and i.users - i.use_fake_user <= 0]:
+        for image in unused:
+            bpy.data.images.remove(image)
     if names is None:
+        scene.enfilade.groups.clear()
         scene.enfilade.summary = scene.enfilade.baked_from = ""
     return kept
 

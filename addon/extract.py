@@ -22,6 +22,7 @@ from ..core.lamps import joined_suns
 from ..core.scene import OUTSIDE, Portals, Scene, SceneError, no_portals
 from ..core.scene_checks import check
 from .lamps import placed, read_lamps
+from .light_groups import light_groups
 from .membership import Membership, everything_evaluated, membership
 from .mesh_arrays import MeshArrays, read_mesh, same_topology
 from .shading import Surface, read_material
@@ -82,11 +83,11 @@ def refuse_at_once(message: str) -> None:
     raise SceneError(message)
 
 
-def extract(context: bpy.types.Context, refuse: Callable[[str], None] = refuse_at_once) -> Extraction:
+def extract(context: bpy.types.Context, refuse: Callable[[str], None] = refuse_at_once, groups: str = "none") -> Extraction:
     """Read the scene of a context. Nothing in the file is changed.
 
     Raises :class:`SceneError` with one sentence for what cannot be baked. ``refuse`` is told so of each portal that is of no
-    use; where it returns, the portal is passed over.
+    use; where it returns, the portal is passed over. ``groups`` are the light groups that are wanted, as in ``BakeOptions``.
     """
     scene, view_layer = context.scene, context.view_layer
     scale = scene.unit_settings.scale_length
@@ -105,6 +106,9 @@ def extract(context: bpy.types.Context, refuse: Callable[[str], None] = refuse_a
     room = _rooms_of_polygons(built, parts, found, openings, warnings)
     portals = _portals(built, room, openings, found, refuse)
     sky, suns = read_world(scene.world, warnings)
+    shining = np.bincount(built.object, (built.emission > 0).any(1), len(parts)) > 0
+    owners = [part.owner for part in parts]
+    lit = light_groups(scene, groups, owners, shining, standing.owners, len(suns), sky is not None)
     lamps = placed(standing, lambda at, facing: _rooms_around(built, room, openings, found, at, facing), warnings)
     lamps = replace(lamps, suns=joined_suns(lamps.suns, suns), sky=sky)
     starts = np.cumsum([0] + [len(part.faces.face) for part in parts])
@@ -132,6 +136,7 @@ def extract(context: bpy.types.Context, refuse: Callable[[str], None] = refuse_a
             object_names=tuple(part.name for part in parts),
             portals=portals,
             lamps=lamps,
+            groups=lit,
         )
     )
     warnings += [finding.message for finding in findings]

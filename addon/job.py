@@ -16,9 +16,11 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..core.bake_values import Carrier, CornerItem, FineCarrier, Page, PageItem, evaluate, plan_page, refined
+from ..core.bake_values import Carrier, CornerItem, FineCarrier, Page, PageItem, evaluate, evaluate_groups, plan_page, refined
 from ..core.element_mesh import element_mesh
+from ..core.lightings import lit_by
 from ..core.options import BakeOptions, Options
+from ..core.photometry import PARTS, recombined
 from ..core.progress import TimeLeft, words
 from ..core.scene import Scene, SceneError
 from ..core.solution import Solution
@@ -32,6 +34,7 @@ from .mesh_arrays import bulk
 from .preferences import on_this_machine
 from .preview import Previews
 from .properties import read_options, write_options
+from .recombine import kept_groups, settle
 
 SOLVE_SHARE = {"vertex": 0.75, "texture": 0.15}
 """Part of the progress bar that the solver takes; the rest is for asking it at corners or at the many texels."""
@@ -62,6 +65,7 @@ class Baked:
 
     report : the figures of the solver;  fine : subdivided carriers, or None for each;  colors : (C, 4) or (V, 4) float32
     pages, page_names, images : textures, (H, W, 4) float32;  light : on the elements, to be looked at
+    groups : names of the light groups;  parts : for each of ``colors`` or ``images`` what it is by each of them alone
     """
 
     report: dict[str, Any]
@@ -72,6 +76,8 @@ class Baked:
     images: tuple[np.ndarray, ...] = ()
     warnings: tuple[str, ...] = ()
     light: SolvedLight | None = None
+    groups: tuple[str, ...] = ()
+    parts: tuple[tuple[np.ndarray, ...], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -111,7 +117,7 @@ def read(context: bpy.types.Context, options: Options, bake: BakeOptions, rooms:
     """
     if bake.target == "texture" and bake.image_folder:
         _check_folder(bake.image_folder)
-    extraction = extract(context)
+    extraction = extract(context, groups=bake.groups)
     warnings = list(extraction.warnings)
     receivers = []
     for receiver in _wanted(extraction, bake, rooms):
@@ -215,13 +221,16 @@ def work(
     finally:
         solver.close()
 
+    groups = scene.groups.names if scene.groups is not None else ()
+    quantity = PARTS.get(bake.quantity, bake.quantity) if groups else bake.quantity
     if pages:
-        items = [PageItem(carriers, page, bake.quantity, bake.margin) for page in pages]
+        items = [PageItem(carriers, page, quantity, bake.margin) for page in pages]
     else:
-        items = [CornerItem(carrier, bake.quantity, bake.domain) for carrier in carriers]
+        items = [CornerItem(carrier, quantity, bake.domain) for carrier in carriers]
     place = "texels" if pages else "corners"
     started = time.perf_counter()
-    evaluation = evaluate(items, solution, scene)
+    by_group = [lit_by(scene, k) for k in range(len(groups))]
+    evaluation = evaluate_groups(items, solution, by_group) if groups else evaluate(items, solution, scene)
     try:
         while True:
             done = share + (1.0 - share) * next(evaluation)
@@ -233,9 +242,12 @@ def work(
     seconds["total"] = sum(v for name, v in seconds.items() if name != "total")
     report = {**solution.report, "seconds": seconds}
     light = SolvedLight(element_mesh(solution), reading.extraction.metres_per_unit) if isinstance(solution, Solution) else None
+    parts: tuple[tuple[np.ndarray, ...], ...] = ((),) * len(values)
+    if groups:
+        parts, values = values, tuple(recombined(bake.quantity, part, np.ones((len(groups), 3))) for part in values)
     if pages:
-        return Baked(report, fine, pages=pages, page_names=names, images=values, warnings=tuple(warnings), light=light)
-    return Baked(report, fine, colors=values, light=light)
+        return Baked(report, fine, (), pages, names, values, tuple(warnings), light, groups, parts)
+    return Baked(report, fine, colors=values, light=light, groups=groups, parts=parts)
 
 
 def _carrier(receiver: Receiver) -> Carrier:
@@ -284,18 +296,22 @@ def write(context: bpy.types.Context, reading: Reading, baked: Baked) -> Written
     fit = [_unchanged(receiver, warnings) for receiver in reading.receivers]
     if not any(fit):
         raise SceneError("no object is as it was when the bake began: bake again")
-    warnings += clear(scene, frozenset(receiver.name for receiver in reading.receivers) if reading.rooms else None)
+    with kept_groups(scene, baked.groups, not reading.rooms):
+        warnings += clear(scene, frozenset(receiver.name for receiver in reading.receivers) if reading.rooms else None)
     targets = _targets(context, scene, reading, baked, fit)
     if baked.pages:
         images = _write_textures(reading, baked, targets)
     else:
         images = {}
-        for thing, color in zip(targets, baked.colors, strict=True):
+        for thing, color, parts in zip(targets, baked.colors, baked.parts, strict=True):
             if thing is not None:
                 bake_vertex.write_colors(thing.data, reading.bake.name, reading.bake.domain, color)
+                for group, part in zip(baked.groups, parts, strict=True):
+                    bake_vertex.write_part(thing.data, group, reading.bake.domain, part)
     for thing in targets:
         if thing is not None:
             thing.data.enfilade.quantity = reading.bake.quantity
+    settle(scene)
     outdated.baked(scene, reading.fingerprint, not reading.rooms)
     last_light.keep(scene, baked.light)
     if reading.bake.material:
@@ -343,10 +359,15 @@ def _targets(context, scene, reading: Reading, baked: Baked, fit: list[bool]) ->
 def _write_textures(reading: Reading, baked: Baked, targets: list[bpy.types.Object | None]) -> dict[str, str]:
     """Images and UV maps; returns the image of every object by their names."""
     bake, shown = reading.bake, {}
-    for page, name, pixels in zip(baked.pages, baked.page_names, baked.images, strict=True):
+    for page, name, pixels, parts in zip(baked.pages, baked.page_names, baked.images, baked.parts, strict=True):
         if all(targets[m] is None for m in page.members):
             continue
         image = bake_texture.write_image(name, pixels, bake.image_format, bake.image_folder)
+        image.enfilade.quantity = bake.quantity
+        for group, part in zip(baked.groups, parts, strict=True):
+            made = image.enfilade.parts.add()
+            made.name = group
+            made.image = bake_texture.write_image(f"{name}.{group}", part, "exr", bake.image_folder)
         for member, uv in zip(page.members, page.uv, strict=True):
             if targets[member] is not None:
                 bake_texture.write_uv(targets[member].data, bake_texture.uv_name(bake.name), (uv + 0.5) / (page.width, page.height))

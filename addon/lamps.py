@@ -37,10 +37,12 @@ ROUND_CORNERS = 24
 class ReadLamps:
     """Lamps without their rooms, and where and which way each stands that needs a room: area lamps first, then points.
 
-    lamps : rooms are -1;  place : (n, 3) metres;  facing : (n, 3) unit;  home : (n,) rooms of their collections, -1 for none or many
+    lamps : rooms are -1;  owners : of its area lamps, points and suns, what makes an instance or the lamp itself
+    place : (n, 3) metres;  facing : (n, 3) unit;  home : (n,) rooms of their collections, -1 for none or many
     """
 
     lamps: Lamps
+    owners: tuple[tuple[bpy.types.Object, ...], tuple[bpy.types.Object, ...], tuple[bpy.types.Object, ...]]
     place: np.ndarray
     facing: np.ndarray
     home: np.ndarray
@@ -74,15 +76,15 @@ def read_lamps(
         if luminaire is not None and light.type in ("AREA", "SUN"):
             warnings.append(f"lamp '{name}' is no point or spot: its photometric file is left out")
         if light.type == "SUN":
-            suns.append((name, *_sun(light, matrix, power)))
+            suns.append((name, owner, *_sun(light, matrix, power)))
         elif light.type == "AREA":
-            areas.append((name, home, *_area(light, name, matrix, power, scale)))
+            areas.append((name, owner, home, *_area(light, name, matrix, power, scale)))
         else:
             index = -1
             if luminaire is not None:
                 index = len(distributions)
                 distributions.append(luminaire)
-            points.append((name, home, index, *_point(light, matrix, power, scale, luminaire is not None)))
+            points.append((name, owner, home, index, *_point(light, matrix, power, scale, luminaire is not None)))
     return _gathered(areas, points, suns, tuple(distributions))
 
 
@@ -212,8 +214,9 @@ def _gathered(areas: list[tuple], points: list[tuple], suns: list[tuple], distri
     """The arrays of lists of lamps."""
     area, point, sun = no_area_lamps(), no_point_lamps(), no_suns()
     place, facing, home = [], [], []
+    owners = tuple(tuple(lamp[1] for lamp in kind) for kind in (areas, points, suns))
     if areas:
-        names, homes, corners, exitance, spread = zip(*areas, strict=True)
+        names, _, homes, corners, exitance, spread = zip(*areas, strict=True)
         start = np.cumsum([0] + [len(c) for c in corners]).astype(np.int64)
         area = AreaLamps(names, np.full(len(names), -1, np.int32), np.concatenate(corners), start, np.array(exitance), np.array(spread))
         for outline in corners:
@@ -223,7 +226,7 @@ def _gathered(areas: list[tuple], points: list[tuple], suns: list[tuple], distri
             facing.append(vector / np.linalg.norm(vector))
         home += homes
     if points:
-        names, homes, index, *columns = zip(*points, strict=True)
+        names, _, homes, index, *columns = zip(*points, strict=True)
         position, radius, ball, intensity, frame, cone, blend = (np.array(column) for column in columns)
         lone = np.full(len(names), -1, np.int32)
         index = np.array(index, np.int32)
@@ -232,7 +235,7 @@ def _gathered(areas: list[tuple], points: list[tuple], suns: list[tuple], distri
         facing += [-np.array(f)[2] / np.linalg.norm(np.array(f)[2]) for f in frame]
         home += homes
     if suns:
-        names, toward, irradiance, angle = zip(*suns, strict=True)
+        names, _, toward, irradiance, angle = zip(*suns, strict=True)
         sun = Suns(names, np.array(toward), np.array(irradiance), np.array(angle))
     where = (np.array(v, float).reshape(-1, 3) for v in (place, facing))
-    return ReadLamps(Lamps(area, point, sun), *where, np.array(home, np.int64))
+    return ReadLamps(Lamps(area, point, sun), owners, *where, np.array(home, np.int64))

@@ -41,6 +41,16 @@ def _draw_after(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
             column.label(text=part)
 
 
+def _draw_groups(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """A slider and a colour for each light group."""
+    column = layout.column(align=True)
+    column.enabled = operators.progress() is None and context.mode == "OBJECT"
+    for group in context.scene.enfilade.groups:
+        row = column.split(factor=0.78, align=True)
+        row.prop(group, "strength", text=group.name, translate=False, slider=True)
+        row.prop(group, "color", text="")
+
+
 def _lines(summary: str) -> list[str]:
     parts = summary.split(", ")
     return [", ".join(parts[:3]), ", ".join(parts[3:])] if len(parts) > 3 else [summary]
@@ -98,6 +108,21 @@ class ENFILADE_PT_rooms(_SubPanel, bpy.types.Panel):
         draw_setup(self.layout, context)
 
 
+class ENFILADE_PT_groups(_SubPanel, bpy.types.Panel):
+    """Dims and colours the light groups of a bake."""
+
+    bl_label = "Light Groups"
+    bl_order = 1
+    bl_options = set()
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return len(context.scene.enfilade.groups) > 0
+
+    def draw(self, context: bpy.types.Context) -> None:
+        _draw_groups(self.layout, context)
+
+
 class ENFILADE_PT_output(_SubPanel, bpy.types.Panel):
     """Where the light goes."""
 
@@ -116,6 +141,7 @@ class ENFILADE_PT_output(_SubPanel, bpy.types.Panel):
             for name in ("atlas", "texel_density", "max_resolution", "margin", "image_format", "image_folder"):
                 column.prop(bake, name)
         column.separator()
+        column.prop(bake, "groups")
         column.prop(bake, "material")
         column.prop(bake, "subdivide")
 
@@ -158,7 +184,32 @@ class ENFILADE_PT_sidebar(bpy.types.Panel):
         _draw_after(layout, context)
 
 
-_CLASSES = (ENFILADE_PT_render, ENFILADE_PT_rooms, ENFILADE_PT_output, ENFILADE_PT_solver, ENFILADE_PT_sidebar)
+class ENFILADE_PT_sidebar_groups(bpy.types.Panel):
+    """The light groups at hand."""
+
+    bl_label = "Light Groups"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Enfilade"
+    bl_parent_id = "ENFILADE_PT_sidebar"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return len(context.scene.enfilade.groups) > 0
+
+    def draw(self, context: bpy.types.Context) -> None:
+        _draw_groups(self.layout, context)
+
+
+_CLASSES = (
+    ENFILADE_PT_render,
+    ENFILADE_PT_rooms,
+    ENFILADE_PT_groups,
+    ENFILADE_PT_output,
+    ENFILADE_PT_solver,
+    ENFILADE_PT_sidebar,
+    ENFILADE_PT_sidebar_groups,
+)
 
 
 def register() -> None:

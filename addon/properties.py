@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import bpy
 
 from ..core.options import BakeOptions, OptionInfo, Options, describe
+from .recombine import recombine
 
 _Options = TypeVar("_Options", Options, BakeOptions)
 
@@ -22,6 +23,7 @@ _LABELS = {
     "min_element_size": "Element Size",
     "max_resolution": "Resolution",
     "name": "Bake Name",
+    "groups": "Light Groups",
 }
 """Names of options in the panels, where their own would be unclear or too long for a narrow panel."""
 
@@ -97,6 +99,42 @@ def write_options(group: bpy.types.PropertyGroup, options: Options | BakeOptions
         setattr(group, _key(info.name), value)
 
 
+def _changed(group: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    recombine(group.id_data)
+
+
+class ENFILADE_PG_light_group(bpy.types.PropertyGroup):
+    """A light group of a bake: how strong it is by now, and in which colour."""
+
+    strength: bpy.props.FloatProperty(
+        name="Strength",
+        description="How strong the light of this group is: 1 as it was baked, 0 off. The bake is added up anew at once",
+        default=1.0,
+        min=0.0,
+        soft_max=2.0,
+        subtype="FACTOR",
+        options=set(),
+        update=_changed,
+    )
+    color: bpy.props.FloatVectorProperty(
+        name="Color",
+        description="The colour that the light of this group is multiplied with: white as it was baked",
+        default=(1.0, 1.0, 1.0),
+        min=0.0,
+        soft_max=1.0,
+        subtype="COLOR",
+        options=set(),
+        update=_changed,
+    )
+
+
+class ENFILADE_PG_part(bpy.types.PropertyGroup):
+    """What a bake keeps of one light group, under the name of the group."""
+
+    attribute: bpy.props.StringProperty(options={"HIDDEN"}, description="Name of the colour attribute, on a mesh")
+    image: bpy.props.PointerProperty(type=bpy.types.Image, options={"HIDDEN"}, description="The lightmap, on an image")
+
+
 class ENFILADE_PG_scene(bpy.types.PropertyGroup):
     """All settings of a scene."""
 
@@ -114,6 +152,7 @@ class ENFILADE_PG_scene(bpy.types.PropertyGroup):
     )
     solve: bpy.props.PointerProperty(type=ENFILADE_PG_solve)
     bake: bpy.props.PointerProperty(type=ENFILADE_PG_bake)
+    groups: bpy.props.CollectionProperty(type=ENFILADE_PG_light_group, name="Light Groups")
     summary: bpy.props.StringProperty(name="Last Bake", options={"HIDDEN"})
     baked_from: bpy.props.StringProperty(options={"HIDDEN"}, description="Fingerprint of the scene and the options of the last bake")
 
@@ -156,6 +195,7 @@ class ENFILADE_PG_mesh(bpy.types.PropertyGroup):
     uv_map: bpy.props.StringProperty(options={"HIDDEN"}, description="Name of the lightmap UV map")
     image: bpy.props.PointerProperty(type=bpy.types.Image, options={"HIDDEN"}, description="The lightmap that the UV map is made for")
     quantity: bpy.props.StringProperty(options={"HIDDEN"}, description="What the bake holds: radiosity, lighting or lux")
+    parts: bpy.props.CollectionProperty(type=ENFILADE_PG_part, options={"HIDDEN"}, description="The light groups of the attribute")
     made: bpy.props.BoolProperty(options={"HIDDEN"}, description="This mesh is a copy that a bake made")
 
 
@@ -163,6 +203,8 @@ class ENFILADE_PG_image(bpy.types.PropertyGroup):
     """Marks the images of a bake."""
 
     made: bpy.props.BoolProperty(options={"HIDDEN"})
+    quantity: bpy.props.StringProperty(options={"HIDDEN"}, description="What the image holds: radiosity, lighting or lux")
+    parts: bpy.props.CollectionProperty(type=ENFILADE_PG_part, options={"HIDDEN"}, description="The light groups of the image")
 
 
 class ENFILADE_PG_material(bpy.types.PropertyGroup):
@@ -176,6 +218,8 @@ class ENFILADE_PG_material(bpy.types.PropertyGroup):
 _CLASSES = (
     ENFILADE_PG_solve,
     ENFILADE_PG_bake,
+    ENFILADE_PG_light_group,
+    ENFILADE_PG_part,
     ENFILADE_PG_scene,
     ENFILADE_PG_object,
     ENFILADE_PG_mesh,

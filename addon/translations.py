@@ -49,6 +49,7 @@ GERMAN = {
     (ANY, "Good"): "Gut",
     (ANY, "Fine"): "Fein",
     (ANY, "Reflected Light"): "Reflektiertes Licht",
+    (ANY, "Light Groups"): "Lichtgruppen",
     (ANY, "Bake Presets"): "Vorgaben",
 }
 

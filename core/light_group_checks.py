@@ -14,9 +14,8 @@ def refuse_wrong_groups(scene: Scene) -> None:
     if groups is None:
         return
     if not 1 <= len(groups) <= MOST:
-        raise SceneError(
-            f"the scene has {len(groups)} light groups where 1 to {MOST} can be kept apart: put lamps together into fewer collections"
-        )
+        remedy = "group lamps by collection, and put them together into fewer collections"
+        raise SceneError(f"the scene has {len(groups)} light groups where 1 to {MOST} can be kept apart: {remedy}")
     shining = np.zeros(len(scene.object_names), bool)
     shining[scene.object[(scene.emission > 0).any(1)]] = True
     kinds = (

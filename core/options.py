@@ -148,6 +148,11 @@ class BakeOptions:
     atlas: str = _choice("object", ("object", "room"), "One texture per object, or one shared by all objects of a room")
     image_format: str = _choice("exr", ("exr", "png"), "File format of textures: EXR keeps the full range, PNG is 16 bit display colour")
     image_folder: str = _option("", "path", "Folder for texture files; empty: packed into the .blend file")
+    groups: str = _choice(
+        "none",
+        ("none", "collections", "lamps"),
+        "Keep the light of groups of lamps apart, so that each can be dimmed and coloured after the bake: by collection, or lamp by lamp",
+    )
     material: bool = _option(False, "bool", "Add a node set-up to the materials that shows the bake")
     subdivide: float = _option(
         0.0,
