@@ -167,6 +167,16 @@ def test_sliders_stay_where_they_are_at_the_next_bake(shop, lit_rooms):
         assert color == pytest.approx(dimmed[name], rel=1e-5)
 
 
+def test_a_slider_does_not_put_a_bake_out_of_date(shop, lit_rooms):
+    from enfilade.addon import api
+
+    api.bake(quality="draft", groups="lamps", threads=1)
+    groups_of(shop)["Bulb East"].strength = 0.5
+    assert not api.out_of_date()
+    lit_rooms["Bulb East"].data.energy *= 0.5
+    assert api.out_of_date()
+
+
 def test_a_bake_of_one_room_keeps_the_groups_of_the_others(shop, lit_rooms):
     from enfilade.addon import job
     from enfilade.core.options import BakeOptions

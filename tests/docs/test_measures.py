@@ -1,6 +1,7 @@
 """The measures of accuracy: that they would notice, and that they say what they find."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -79,7 +80,7 @@ def test_the_balance_of_shooters_sees_what_leaves_and_what_is_doubled():
     assert len(shot) == 6
     np.testing.assert_allclose(arrived, shot, rtol=0.05)
     assert lost.max() == 0
-    doubled = witness.Solved(closed.solution, closed.building, closed.forest, closed.links, 2 * closed.gain)
+    doubled = replace(closed, gains=replace(closed.gains, received=2 * closed.gains.received))
     np.testing.assert_allclose(energy.balance(doubled)[1], 2 * arrived)
     # Without its ceiling the cube loses a fifth of what each wall shoots, and as much of the floor's.
     lamp = square([1, 1, 1.99], [0, 0, -1], 0.02)
