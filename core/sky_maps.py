@@ -84,7 +84,8 @@ def _nearest(image: np.ndarray, directions: np.ndarray) -> np.ndarray:
 
 def _without_suns(name, light, direction, solid, limit, turn) -> tuple[np.ndarray, Suns]:
     """Light (n, 3) of texels cut to ``limit``, and as many suns as hold what was cut off."""
-    excess = np.where((light.mean(1) > limit)[:, None], light - light * (limit / np.maximum(light.mean(1), 1e-300))[:, None], 0)
+    mean = light.mean(1)
+    excess = light * (1 - limit / np.maximum(mean, max(limit, 1e-300)))[:, None]
     if not limit > 0 or not excess.any():
         return light, no_suns()
     rest = light - excess

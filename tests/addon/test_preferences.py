@@ -43,8 +43,10 @@ def test_presets_set_all_options(shop, key):
     assert settings(scene) == (Options(**solve), BakeOptions(**{**bake, "name": "Mine"}))
 
 
-def test_own_presets_are_kept(shop):
+def test_own_presets_are_kept(shop, monkeypatch):
     bpy = shop.bpy
+    # Blender gives the panel the name of the preset that was chosen or added last.
+    monkeypatch.setattr(bpy.types.ENFILADE_PT_presets, "bl_label", bpy.types.ENFILADE_PT_presets.bl_label)
     bake = bpy.context.scene.enfilade.bake
     bake.texel_density, bake.target = 17.0, "texture"
     assert bpy.ops.enfilade.add_preset(name="Seventeen") == {"FINISHED"}
