@@ -37,16 +37,18 @@ def escaped_power(building: Building, forest: Forest, irradiance: np.ndarray, sh
     """W, all channels together, that leave the building or strike backs.
 
     irradiance : (E, m, 3) of every element, W/m2;  share : (R,) of :func:`lost_share`. Rooms that are not closed cast rays
-    anew, each with the same part of the power of its room, so that a small lamp has as many as it has light.
+    anew, each with the same part of the power of its room, so that a small lamp has as many as it has light. In closed rooms
+    the share holds for what their surfaces reflect, which is how their links are closed; a lamp is no mean of them.
     """
     elements = np.arange(len(forest))
     light = np.maximum(forest.at_nodes(elements, irradiance), 0)
-    exitance = forest.regions.emission[forest.region, None] + forest.regions.reflectance[forest.region, None] * light
-    weight = exitance.sum(2) * forest.node_weights * ~building.regions.buried[forest.region, None] * forest.leaf[:, None]
+    reflected = (forest.regions.reflectance[forest.region, None] * light).sum(2)
+    emitted = forest.regions.emission[forest.region].sum(1, keepdims=True)
+    sees = forest.node_weights * ~building.regions.buried[forest.region, None] * forest.leaf[:, None]
     room = building.regions.room[forest.region]
     open_ = (share > LEAK)[room]
-    slow = float((weight.sum(1) * np.where(open_, 0, share[room])).sum())
-    _, power, lost = _cast(building, forest, weight * open_[:, None], crew)
+    slow = float(((reflected * sees).sum(1) * np.where(open_, 0, share[room])).sum())
+    _, power, lost = _cast(building, forest, (emitted + reflected) * sees * open_[:, None], crew)
     return slow + float(power[lost].sum())
 
 

@@ -141,13 +141,14 @@ class Gains:
 
 
 def closing_gains(
-    forest: Forest, links: list[LinkSet], closed: np.ndarray, emitters: Emitters | None = None, allocate: Allocate = np.zeros
+    forest: Forest, links: list[LinkSet], kept: np.ndarray, emitters: Emitters | None = None, allocate: Allocate = np.zeros
 ) -> Gains:
-    """The gains that close the links of leaves in closed rooms, those that are ``closed`` (E,) bool.
+    """The gains that close the links of leaves in closed rooms.
 
-    From exitance 1 all around, a point of a closed room receives exactly 1, and all that a point sends arrives; what the links give
-    instead is their error. One gain makes up for what the other leaves, in turn (Sinkhorn and Knopp 1967): that of what is received,
-    of what is sent, and of what is received once more. A node that sees next to nothing is left at 1.
+    kept : (E,) the part of the light in the room of each element that surfaces receive, 1 but for seams; 0 where a room is not closed
+    From exitance 1 all around, a point of a closed room receives this part, and this part of what a point sends arrives; what the
+    links give instead is their error. One gain makes up for what the other leaves, in turn (Sinkhorn and Knopp 1967): that of what
+    is received, of what is sent, and of what is received once more. A node that sees next to nothing is left at 1.
     """
     emitters = emitters or emitters_of(forest, forest.region, len(forest.regions))
     one = np.zeros((1, forest.functions, 1), np.float32)
@@ -159,9 +160,10 @@ def closing_gains(
         for places in emitters.blocks():
             elements, trees = emitters.order[places], emitters.trees_of_block(forest, places)
             total = forest.at_nodes(elements, trees.push(own[elements]))[..., 0]
-            leaf = closed[elements] & (forest.children[elements] < 0).all(1)
-            known = leaf[:, None] & (total > CLOSURE[0]) & (total < CLOSURE[1])
-            out[elements] = np.where(known, 1 / np.where(known, total, 1), 1)
+            whole = kept[elements][:, None]
+            leaf = (forest.children[elements] < 0).all(1)[:, None]
+            known = (whole > 0) & leaf & (total > CLOSURE[0]) & (total < CLOSURE[1])
+            out[elements] = np.where(known, whole / np.where(known, total, 1), 1)
         return out
 
     def pulled(node_values: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:

@@ -80,7 +80,8 @@ def _steps(scene: Scene, options: Options, desk: Workspace) -> Generator[Progres
     clusters, by_cluster = building.clusters, options.emitters == "clusters"
     unit, units = (np.arange(len(clusters)), len(clusters)) if by_cluster else (clusters.room, scene.room_count)
     emitters = emitters_of(forest, unit[clusters.cluster_of[forest.region]], units, space.zeros)
-    gains = links.closing_gains(forest, linked.links, closed[surfaces.room[forest.region]], emitters, space.zeros)
+    kept = np.where(closed, 1 - lost, 0).astype(np.float32)[surfaces.room[forest.region]]
+    gains = links.closing_gains(forest, linked.links, kept, emitters, space.zeros)
     yield Progress("solve", 0.7, f"Ordering {units:,} emitters")
     sets = ordering.visible_sets(building.graph, clusters.polygons, unit, units)
     routes = stages.routes_of(linked.links, emitters, space)
