@@ -11,13 +11,13 @@ def test_preferences_fill_in_what_a_file_leaves_open(shop):
     from enfilade.addon.preferences import on_this_machine, with_preferences
 
     assert on_this_machine(Options()) == Options()  # nothing is installed here
-    filled = with_preferences(Options(), 3, "/cache", "/work/house.blend")
+    filled = with_preferences(Options(), 3, "/cache", "/files/house.blend")
     assert filled.threads == 3
     assert filled.store.replace("\\", "/") == "/cache/house"
     assert with_preferences(Options(), 0, "/cache", "").store.replace("\\", "/") == "/cache/untitled"
     own = Options(threads=2, store="/mine")
-    assert with_preferences(own, 3, "/cache", "/work/house.blend") == own
-    assert with_preferences(Options(), 0, "", "/work/house.blend") == Options()
+    assert with_preferences(own, 3, "/cache", "/files/house.blend") == own
+    assert with_preferences(Options(), 0, "", "/files/house.blend") == Options()
 
 
 def test_the_bake_asks_the_preferences(shop, monkeypatch):
