@@ -239,16 +239,24 @@ def test_modifiers_after_the_bake_are_in_the_file(shop, export):
     assert len(primitive and export().corners(primitive, "POSITION")) == 24
 
 
-def test_blenders_own_importer_reads_the_same(shop, export, tmp_path):
+@pytest.fixture
+def blenders_own():
+    """Blender's own reader and writer of glTF, gone again afterwards."""
     import addon_utils
 
+    addon_utils.enable("io_scene_gltf2")
+    yield
+    addon_utils.disable("io_scene_gltf2")
+
+
+@pytest.mark.usefixtures("blenders_own")
+def test_blenders_own_importer_reads_the_same(shop, export, tmp_path):
     shop.two_rooms()
     shop.bake(material=True)
     before = {name: (shop.corners(o), shop.colors(o)) for name in ("West walls", "Lamp") for o in [shop.bpy.data.objects[name]]}
     export(exposure=-5.0)
     bpy = shop.bpy
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    addon_utils.enable("io_scene_gltf2")
     bpy.ops.import_scene.gltf(filepath=str(tmp_path / "baked.glb"))
     bpy.context.view_layer.update()
     for name, (place, color) in before.items():
@@ -276,11 +284,11 @@ def test_what_cannot_be_written_is_a_sentence(shop, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.usefixtures("blenders_own")
 def test_the_recipe_for_blenders_own_exporter(shop, tmp_path):
     """A Color Attribute node at the Base Color brings the bake into COLOR_0, in all versions and in full range."""
-    import addon_utils
-
-    addon_utils.enable("io_scene_gltf2")
+    if shop.bpy.app.version < (4, 5):
+        pytest.skip("as a Python module Blender 4.2 crashes when it ends, once its own exporter has run")
     paint = shop.material("Paint")
     thing = shop.box((0, 0, 0), (1, 1, 1), "Room", material=paint)
     shop.bake()
