@@ -21,6 +21,8 @@ from .store import Residency, Space, give_back
 
 DIM = 10.0
 """The unshot part of any one room's light may be this many times the part of the whole building's."""
+ROUNDING = 1e-6
+"""A room with less than this part of the emitted light holds what single precision lets slip through its walls: nobody waits for it."""
 
 
 @dataclass(frozen=True)
@@ -108,18 +110,18 @@ class Shooter:
             self._marked[:] = False
         yield self._finish()
 
-    def _of_rooms(self) -> tuple[np.ndarray, np.ndarray]:
-        """(R,) W that the emitters of each room have not shot, and (R,) W of all that they have reflected so far."""
-        unshot = self.unshot.sum(1)
-        return np.bincount(self._rooms, unshot), np.bincount(self._rooms, unshot + self.shot.sum(1))
+    def _admissible(self, tolerance: float) -> np.ndarray:
+        """(R,) W that each room may leave unshot: a part of all that its emitters have reflected so far, and yet will."""
+        whole = np.bincount(self._rooms, (self.unshot + self.shot).sum(1))
+        return np.where(whole > ROUNDING * self._emitted, DIM * tolerance * whole, np.inf)
 
     def _settled(self, tolerance: float) -> bool:
-        unshot, whole = self._of_rooms()
-        return unshot.sum() <= tolerance * self._emitted and bool((unshot <= DIM * tolerance * whole).all())
+        unshot = np.bincount(self._rooms, self.unshot.sum(1))
+        return unshot.sum() <= tolerance * self._emitted and bool((unshot <= self._admissible(tolerance)).all())
 
     def _least(self, tolerance: float) -> np.ndarray:
         """(U,) W below which an emitter waits for more: a shot of next to nothing costs as much as any."""
-        share = DIM * tolerance * self._of_rooms()[1] / np.maximum(np.bincount(self._rooms), 1)
+        share = self._admissible(tolerance) / np.maximum(np.bincount(self._rooms), 1)
         return 0.1 * np.minimum(tolerance * self._emitted / len(self._emitters), share[self._rooms])
 
     def state(self) -> dict[str, np.ndarray]:
