@@ -7,12 +7,9 @@ the same input gives the same bits on any number of them.
 
 from __future__ import annotations
 
-import json
 import os
 import queue
-import shutil
 import subprocess
-import sys
 import threading
 import time
 import weakref
@@ -21,26 +18,15 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from itertools import chain
-from pathlib import Path
 from typing import Any
 
+from .child import start
 from .wire import Shared, receive, send
 
 PATIENCE = 0.3
 """Seconds of work that a crew does by itself before it calls workers: a small scene is done by then."""
 
 _LOST = "a worker process ended by itself, most likely for want of memory; set the option threads to a lower number"
-
-_BOOT = """
-import importlib, json, sys, types
-sys.path[:], package, folder = json.loads(sys.argv[1])
-parts = package.split(".")
-for k in range(len(parts)):
-    module = sys.modules[".".join(parts[: k + 1])] = types.ModuleType(".".join(parts[: k + 1]))
-    module.__path__ = [folder] if k + 1 == len(parts) else []
-importlib.import_module(package + ".core.worker_process").serve()
-"""
-"""Imports the core under the name that it has here, but nothing around it: in Blender that would want Blender."""
 
 
 class WorkerLost(MemoryError):
@@ -103,16 +89,11 @@ class Crew:
         return self._able and bool(self._processes) and self._idle.qsize() == len(self._processes)
 
     def _start(self) -> None:
-        package, folder = __package__.rpartition(".")[0], str(Path(__file__).parent.parent)
-        where = json.dumps([[str(p) for p in sys.path], package, folder])
-        quiet = {"creationflags": subprocess.CREATE_NO_WINDOW} if sys.platform == "win32" else {}
         # One thread of linear algebra each: more would only get in one another's way.
-        environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        environment = {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
         try:
             for _ in range(self.workers):
-                command = [_python(), "-c", _BOOT, where]
-                pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-                self._processes.append(subprocess.Popen(command, env=environment, **pipes, **quiet))
+                self._processes.append(start("worker_process", environment))
         except OSError:
             self._give_up()
             return
@@ -198,14 +179,3 @@ def _dismiss(processes: list[subprocess.Popen]) -> None:
         with suppress(OSError):  # what it has not read is of no use to it any more
             process.stdin.close()
     processes.clear()
-
-
-def _python() -> str:
-    """The interpreter that runs this, also where the running program is Blender."""
-    if Path(sys.executable).name.startswith("python"):
-        return sys.executable
-    folder = Path(sys.prefix) / ("" if sys.platform == "win32" else "bin")
-    found = shutil.which(f"python{sys.version_info.major}.{sys.version_info.minor}", path=folder) or shutil.which("python", path=folder)
-    if not found:
-        raise FileNotFoundError("no Python interpreter beside this program")
-    return found

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from enfilade.core import parallel
+from enfilade.core import child, parallel
 from enfilade.core.parallel import Crew, WorkerLost, worker_count
 from enfilade.core.wire import Shared, attached, receive, send
 from scenery import crew
@@ -130,7 +130,7 @@ def test_without_other_processes_the_work_is_done_here(monkeypatch):
     def refuse(*_, **__):
         raise PermissionError("no processes here")
 
-    monkeypatch.setattr(parallel.subprocess, "Popen", refuse)
+    monkeypatch.setattr(child.subprocess, "Popen", refuse)
     hands = crew(3)
     assert list(hands.map(operator.mul, (2,), range(5))) == [0, 2, 4, 6, 8]
 
@@ -144,7 +144,7 @@ def test_a_program_that_is_no_python_finds_its_python(monkeypatch, tmp_path):
     name = f"python{sys.version_info.major}.{sys.version_info.minor}" + (".exe" if sys.platform == "win32" else "")
     (folder / name).write_text("#!/bin/sh\n")
     (folder / name).chmod(0o755)
-    assert Path(parallel._python()) == folder / name
+    assert Path(child.python()) == folder / name
 
 
 def test_arrays_go_over_the_wire_unchanged():
