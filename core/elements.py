@@ -6,11 +6,18 @@ import numpy as np
 
 from . import basis
 from .coverage import clipped_pieces, measure
-from .grouping import GrowingArray, ragged
+from .grouping import GrowingArray, ragged, runs
 from .regions import Regions
 
 SQUARISH = 1.5
 """A cell longer than this many times its width is halved across its length, any other is quartered."""
+
+
+_RANK = np.array([[(family & ((1 << k) - 1)).bit_count() if family >> k & 1 else -1 for k in range(4)] for family in range(16)], np.int32)
+"""(16, 4) which of the children that there are each of four is, -1 for one that there is not, by the bits of those that there are."""
+
+Rows = np.ndarray | slice
+"""Some elements by number, or all in turn."""
 
 
 class Forest:
@@ -19,6 +26,10 @@ class Forest:
     order : order of the basis, m = order**2 coefficients;  q**2 nodes per element, q = ``basis.nodes_per_axis(order)``.
     Elements that a region covers in part know the covered area, have their nodes inside it, and fit their
     coefficients to those nodes; elements outside the cover do not exist.
+
+    An element holds some fifty bytes: where it stands in its tree, and its box. What follows from these is computed when it is asked
+    for (the functions whose names end in ``_of``, for some elements; properties, for all of them), and only elements that are
+    covered in part, the cut ones, have a row in tables of what does not.
     """
 
     def __init__(self, regions: Regions, order: int):
@@ -28,15 +39,17 @@ class Forest:
         self._uv, self._weights = basis.gauss_square(q)
         self._region = GrowingArray((), np.int32)
         self._slot = GrowingArray((), np.int8)
-        self._level = GrowingArray((), np.int16)
+        self._level = GrowingArray((), np.int8)
         self._parent = GrowingArray((), np.int32)
-        self._children = GrowingArray((4,), np.int32)
+        self._first_child = GrowingArray((), np.int32)
+        self._family = GrowingArray((), np.uint8)
         self._box = GrowingArray((4,), np.float64)
+        self._cut = GrowingArray((), np.int32)
+        # Rows of cut elements; row 0 stands for all others.
         self._cover = GrowingArray((4,), np.float64)
         self._area = GrowingArray((), np.float64)
         self._pieces = GrowingArray((2,), np.int64)
-        self._piece_ids = GrowingArray((), np.int64)
-        self._matrix = GrowingArray((), np.int32)
+        self._piece_ids = GrowingArray((), np.int32)
         self._nodes = GrowingArray((self.node_count, 3), np.float32)
         self._node_weights = GrowingArray((self.node_count,), np.float32)
         self._pull_row = GrowingArray((), np.int32)
@@ -45,6 +58,8 @@ class Forest:
         self._evaluate = GrowingArray((self.node_count, self.functions), np.float64)
         self._project = GrowingArray((self.functions, self.node_count), np.float64)
         self._mean = GrowingArray((self.functions,), np.float64)
+        for array in (self._cover, self._area, self._pieces, self._nodes, self._node_weights, self._pull_row):
+            array.extend(np.zeros((1, *array.view().shape[1:])))
         full = basis.evaluate(order, self._uv)[None]
         self._evaluate.extend(full)
         self._project.extend(basis.fit(full, self._weights[None]) if order == 1 else np.linalg.inv(full))
@@ -70,34 +85,78 @@ class Forest:
 
     region = property(lambda self: self._region.view(), doc="(E,) int32 region")
     slot = property(lambda self: self._slot.view(), doc="(E,) int8 place in the parent, a row of ``basis.SLOTS``")
-    level = property(lambda self: self._level.view(), doc="(E,) int16, 0 for roots")
+    level = property(lambda self: self._level.view(), doc="(E,) int8, 0 for roots")
     parent = property(lambda self: self._parent.view(), doc="(E,) int32, -1 for roots")
-    children = property(lambda self: self._children.view(), doc="(E, 4) int32, -1 where there is none")
     box = property(lambda self: self._box.view(), doc="(E, 4) float64: u, v, width, height in the region's frame, m")
-    cover = property(lambda self: self._cover.view(), doc="(E, 4) float64: the box of the covered part")
-    area = property(lambda self: self._area.view(), doc="(E,) float64 covered area, m2")
-    nodes = property(lambda self: self._nodes.view(), doc="(E, q*q, 3) float32 relative to the scene's centre, m")
-    node_weights = property(lambda self: self._node_weights.view(), doc="(E, q*q) float32, sum = area")
+    leaf = property(lambda self: self._family.view() == 0, doc="(E,) bool")
+    first_child = property(lambda self: self._first_child.view(), doc="(E,) int32, -1 for leaves; its siblings follow it")
+    children = property(lambda self: self.children_of(slice(None)), doc="As :meth:`children_of`, of all elements.")
+    area = property(lambda self: self.area_of(slice(None)), doc="As :meth:`area_of`, of all elements.")
+    nodes = property(lambda self: self.nodes_of(slice(None)), doc="As :meth:`nodes_of`, of all elements.")
+    node_weights = property(lambda self: self.node_weights_of(slice(None)), doc="As :meth:`node_weights_of`, of all elements.")
 
-    @property
-    def leaf(self) -> np.ndarray:
-        """(E,) bool."""
-        return (self.children < 0).all(1)
+    def leaf_of(self, elements: Rows) -> np.ndarray:
+        """(n,) bool."""
+        return self._family.view()[elements] == 0
+
+    def children_of(self, elements: Rows) -> np.ndarray:
+        """(n, 4) int32, -1 where there is none; the children of an element follow one another."""
+        rank = _RANK[self._family.view()[elements]]
+        return np.where(rank < 0, -1, self._first_child.view()[elements][:, None] + rank)
+
+    def area_of(self, elements: Rows) -> np.ndarray:
+        """(n,) float64 covered area, m2."""
+        box, row = self._box.view()[elements], self._cut.view()[elements]
+        return np.where(row > 0, self._area.view()[row], box[:, 2] * box[:, 3])
+
+    def cover_of(self, elements: Rows) -> np.ndarray:
+        """(n, 4) float64: the box of the covered part."""
+        row = self._cut.view()[elements]
+        return np.where((row > 0)[:, None], self._cover.view()[row], self._box.view()[elements])
+
+    def nodes_of(self, elements: Rows) -> np.ndarray:
+        """(n, q*q, 3) float32 relative to the scene's centre, m."""
+        box, row = self._box.view()[elements], self._cut.view()[elements]
+        out = self._world(self._region.view()[elements], box[:, None, :2] + self._uv * box[:, None, 2:])
+        cut = np.flatnonzero(row)
+        out[cut] = self._nodes.view()[row[cut]]
+        return out
+
+    def node_of(self, elements: np.ndarray, node: np.ndarray) -> np.ndarray:
+        """(n, 3) float32, one node of each of ``elements``, by its number ``node`` (n,)."""
+        box, row = self._box.view()[elements], self._cut.view()[elements]
+        out = self._world(self._region.view()[elements], (box[:, :2] + self._uv[node] * box[:, 2:])[:, None])[:, 0]
+        cut = np.flatnonzero(row)
+        out[cut] = self._nodes.view()[row[cut], node[cut]]
+        return out
+
+    def node_weights_of(self, elements: Rows) -> np.ndarray:
+        """(n, q*q) float32, sum = area."""
+        box, row = self._box.view()[elements], self._cut.view()[elements]
+        out = ((box[:, 2] * box[:, 3])[:, None] * self._weights).astype(np.float32)
+        cut = np.flatnonzero(row)
+        out[cut] = self._node_weights.view()[row[cut]]
+        return out
+
+    def _world(self, region: np.ndarray, uv: np.ndarray) -> np.ndarray:
+        """(n, k, 3) float32 of places (n, k, 2) in the frames of regions (n,)."""
+        flat = self.regions.world(np.repeat(region, uv.shape[1]), uv.reshape(-1, 2))
+        return flat.astype(np.float32).reshape(*uv.shape[:2], 3)
 
     def can_split(self, elements: np.ndarray, min_size: float) -> np.ndarray:
         """(n,) bool: leaves whose children would have a longer edge of at least ``min_size`` (m), or that are split already."""
-        return (self.box[elements, 2:].max(1) >= 2 * min_size) | (self.children[elements] >= 0).any(1)
+        return (self.box[elements, 2:].max(1) >= 2 * min_size) | ~self.leaf_of(elements)
 
     def spheres(self, elements: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Centre (n, 3) and radius (n,) of a ball around the covered part of elements, float32."""
-        cover, region = self.cover[elements], self.region[elements]
+        cover, region = self.cover_of(elements), self.region[elements]
         centre = self.regions.world(region, cover[:, :2] + 0.5 * cover[:, 2:])
         return centre.astype(np.float32), (0.5 * np.hypot(cover[:, 2], cover[:, 3])).astype(np.float32)
 
     def split(self, elements: np.ndarray) -> None:
         """Give children to those of ``elements`` (n,) that have none."""
         elements = np.unique(elements)
-        parents = elements[(self.children[elements] < 0).all(1)]
+        parents = elements[self.leaf_of(elements)]
         if not len(parents):
             return
         first = self.first_slot(parents)
@@ -107,76 +166,68 @@ class Forest:
         box = np.empty((len(slot), 4))
         box[:, :2] = self.box[parent, :2] + place[:, :2] * self.box[parent, 2:]
         box[:, 2:] = place[:, 2:] * self.box[parent, 2:]
-        full = self._matrix.view()[parent] == 0
-        start, count = self._pieces.view()[parent].T
-        made = self._append(self.region[parent], parent, slot.astype(np.int8), box, full, start, count, self._piece_ids.view())
+        row = self._cut.view()[parent]
+        start, count = self._pieces.view()[row].T
+        made = self._append(self.region[parent], parent, slot.astype(np.int8), box, row == 0, start, count, self._piece_ids.view())
         exists = made >= 0
-        children = self._children.view()
-        children[parent[exists], slot[exists] - first[owner[exists]]] = made[exists]
-        self._prepare_pull(parents[self._matrix.view()[parents] > 0])
+        np.bitwise_or.at(self._family.view(), parent[exists], (1 << (slot - first[owner]))[exists].astype(np.uint8))
+        oldest = exists.nonzero()[0][runs(owner[exists])]
+        self._first_child.view()[parent[oldest]] = made[oldest]
+        self._prepare_pull(parents[self.cut(parents)])
 
     def _append(self, region, parent, slot, box, full, piece_start, piece_count, piece_table):
         """Add elements; those that cover nothing are left out. Returns the id of each, -1 where left out."""
         count, q = len(region), basis.nodes_per_axis(self.order)
-        area, cover = box[:, 2] * box[:, 3], box.copy()
-        uv = box[:, None, :2] + self._uv[None] * box[:, None, 2:]
-        weights = area[:, None] * self._weights[None]
-        matrix = np.zeros(count, np.int32)
+        row = np.zeros(count, np.int32)
         keep = np.ones(count, bool)
-        pieces = np.zeros((count, 2), np.int64)
         partial = np.flatnonzero(~full)
         if len(partial):
-            members, row = ragged(piece_start[partial], piece_count[partial])
+            members, owner = ragged(piece_start[partial], piece_count[partial])
             ids = piece_table[members]
-            sub_area, sub_moment, low, high, touched = measure(self.regions, box[partial], row, ids, q)
+            sub_area, sub_moment, low, high, touched = measure(self.regions, box[partial], owner, ids, q)
             total = sub_area.sum(1)
-            cell = area[partial]
+            cell = box[partial, 2] * box[partial, 3]
             keep[partial] = total > 1e-7 * cell
             cut = keep[partial] & (total < (1 - 1e-6) * cell)
             inside = np.flatnonzero(cut)
             here = partial[inside]
-            area[partial] = np.where(cut, total, cell)
-            weights[here] = sub_area[inside]
+            row[here] = len(self._area) + np.arange(len(here))
             mean = sub_moment[inside].sum(1) / total[inside, None]
             empty = sub_area[inside] <= 1e-9 * total[inside, None]
-            uv[here] = np.where(empty[..., None], mean[:, None], sub_moment[inside] / np.where(empty, 1.0, sub_area[inside])[..., None])
-            weights[here] = np.where(empty, 0.0, weights[here])
-            cover[here] = np.concatenate([low[inside], high[inside] - low[inside]], axis=1)
-            local = (uv[here] - box[here, None, :2]) / box[here, None, 2:]
+            uv = np.where(empty[..., None], mean[:, None], sub_moment[inside] / np.where(empty, 1.0, sub_area[inside])[..., None])
+            weights = np.where(empty, 0.0, sub_area[inside])
+            local = (uv - box[here, None, :2]) / box[here, None, 2:]
             values = basis.evaluate(self.order, local)
-            matrix[here] = len(self._evaluate) + np.arange(len(here))
             self._evaluate.extend(values)
-            self._project.extend(basis.fit(values, weights[here]))
-            self._mean.extend(np.einsum("nq,nqm->nm", weights[here], values) / weights[here].sum(1, keepdims=True))
-            used = touched & cut[row]
-            pieces[here, 0] = len(self._piece_ids) + np.searchsorted(row[used], inside)
-            pieces[here, 1] = np.bincount(row[used], minlength=len(partial))[inside]
+            self._project.extend(basis.fit(values, weights))
+            self._mean.extend(np.einsum("nq,nqm->nm", weights, values) / weights.sum(1, keepdims=True))
+            self._area.extend(total[inside])
+            self._cover.extend(np.concatenate([low[inside], high[inside] - low[inside]], axis=1))
+            self._nodes.extend(self._world(region[here], uv))
+            self._node_weights.extend(weights)
+            self._pull_row.extend(np.full(len(here), -1))
+            used = touched & cut[owner]
+            start = len(self._piece_ids) + np.searchsorted(owner[used], inside)
+            self._pieces.extend(np.stack([start, np.bincount(owner[used], minlength=len(partial))[inside]], axis=1))
             self._piece_ids.extend(ids[used])
         ids = np.where(keep, len(self) + np.cumsum(keep) - 1, -1)
-        flat_region = np.repeat(region[keep], self.node_count)
-        nodes = self.regions.world(flat_region, uv[keep].reshape(-1, 2)).reshape(-1, self.node_count, 3)
         made = int(keep.sum())
         level = np.where(parent < 0, 0, self.level[parent] + 1) if len(self) else np.zeros(count)
         self._region.extend(region[keep])
         self._slot.extend(slot[keep])
         self._level.extend(level[keep])
         self._parent.extend(parent[keep])
-        self._children.extend(np.full((made, 4), -1))
+        self._first_child.extend(np.full(made, -1))
+        self._family.extend(np.zeros(made))
         self._box.extend(box[keep])
-        self._cover.extend(cover[keep])
-        self._area.extend(area[keep])
-        self._pieces.extend(pieces[keep])
-        self._matrix.extend(matrix[keep])
-        self._nodes.extend(nodes)
-        self._node_weights.extend(weights[keep])
-        self._pull_row.extend(np.full(made, -1))
+        self._cut.extend(row[keep])
         return ids
 
     def _prepare_pull(self, parents: np.ndarray) -> None:
         """For partly covered parents: the child under each node and its basis there."""
         if not len(parents):
             return
-        evaluate = self._evaluate.view()[self._matrix.view()[parents]]
+        evaluate = self._evaluate.view()[self._cut.view()[parents]]
         # The linear functions give the node's place back, so it need not be stored; M1 has none and takes the mean anyway.
         if self.order > 1:
             x = (evaluate[:, :, self.order] / np.sqrt(3) + 1) / 2
@@ -186,16 +237,16 @@ class Forest:
         slot0 = self.first_slot(parents)[:, None]
         east, north = (x > 0.5).astype(int), (y > 0.5).astype(int)
         index = np.where(slot0 == 4, east, np.where(slot0 == 6, north, east + 2 * north))
-        child = np.take_along_axis(self.children[parents], index, 1)
+        child = np.take_along_axis(self.children_of(parents), index, 1)
         place = basis.SLOTS[slot0 + index]
         local = (np.stack([x, y], -1) - place[..., :2]) / place[..., 2:]
-        self._pull_row.view()[parents] = len(self._pull_child) + np.arange(len(parents))
+        self._pull_row.view()[self._cut.view()[parents]] = len(self._pull_child) + np.arange(len(parents))
         self._pull_child.extend(child)
         self._pull_basis.extend(basis.evaluate(self.order, local))
 
     def cut(self, elements: np.ndarray) -> np.ndarray:
         """(n,) bool: the region covers the element in part."""
-        return self._matrix.view()[elements] > 0
+        return self._cut.view()[elements] > 0
 
     def first_slot(self, parents: np.ndarray) -> np.ndarray:
         """(n,) place of the first child, a row of ``basis.SLOTS``: 0 quarters, 4 halves along u, 6 halves along v."""
@@ -209,7 +260,7 @@ class Forest:
         element = region.astype(np.int64)
         active = np.arange(len(element))
         while len(active):
-            children = self.children[element[active]]
+            children = self.children_of(element[active])
             box = self.box[np.maximum(children, 0)]
             offset = uv[active, None] - box[:, :, :2]
             inside = (children >= 0) & (offset >= 0).all(2) & (offset <= box[:, :, 2:]).all(2)
@@ -228,7 +279,7 @@ class Forest:
         return self._apply(self._project.view(), elements, values)
 
     def _apply(self, table, elements, values):
-        matrix = self._matrix.view()[elements]
+        matrix = self._cut.view()[elements]
         out = np.matmul(table[0].astype(values.dtype), values)
         partial = np.flatnonzero(matrix)
         if len(partial):
@@ -237,7 +288,7 @@ class Forest:
 
     def mean(self, elements: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
         """Mean (n, c) over the covered part of functions with coefficients (n, m, c)."""
-        matrix = self._matrix.view()[elements]
+        matrix = self._cut.view()[elements]
         out = coefficients[:, 0].copy()
         partial = np.flatnonzero(matrix)
         out[partial] = np.einsum("nm,nmc->nc", self._mean.view()[matrix[partial]], coefficients[partial])
@@ -258,13 +309,13 @@ class Forest:
 
         place : (E,) where each child stands among the coefficients ``total`` (.., m, c)
         """
-        row = self._pull_row.view()[parents]
+        row = self._pull_row.view()[self._cut.view()[parents]]
         child, values = self._pull_child.view()[row], self._pull_basis.view()[row].astype(total.dtype)
         nodes = np.einsum("nqm,nqmc->nqc", values, total[place[np.maximum(child, 0)]]) * (child >= 0)[..., None]
         out = self.from_nodes(parents, nodes)
-        children = self.children[parents]
-        area = np.where(children >= 0, self.area[np.maximum(children, 0)], 0.0)
+        children = self.children_of(parents)
         flat = np.maximum(children, 0).reshape(-1)
+        area = np.where(children >= 0, self.area_of(flat).reshape(children.shape), 0.0)
         means = self.mean(flat, total[place[flat]]).reshape(*children.shape, -1)
         target = np.einsum("nk,nkc->nc", area / area.sum(1, keepdims=True), means)
         out[:, 0] += (target - self.mean(parents, out)).astype(total.dtype)
@@ -272,12 +323,12 @@ class Forest:
 
     def centroids(self, elements: np.ndarray) -> np.ndarray:
         """(n, 3) float32 centre of gravity of the covered part of elements."""
-        weights = self.node_weights[elements]
-        return np.einsum("nq,nqk->nk", weights / weights.sum(1, keepdims=True), self.nodes[elements])
+        weights = self.node_weights_of(elements)
+        return np.einsum("nq,nqk->nk", weights / weights.sum(1, keepdims=True), self.nodes_of(elements))
 
     def corners(self, elements: np.ndarray) -> np.ndarray:
         """(n, 4, 3) float32 corners of the rectangles around the covered part of elements."""
-        cover, region = self.cover[elements], np.repeat(self.region[elements], 4)
+        cover, region = self.cover_of(elements), np.repeat(self.region[elements], 4)
         uv = cover[:, None, :2] + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * cover[:, None, 2:]
         return self.regions.world(region, uv.reshape(-1, 2)).reshape(-1, 4, 3).astype(np.float32)
 
@@ -288,13 +339,13 @@ class Forest:
         return row, self.regions.world(region, flat.reshape(-1, 2)).reshape(len(row), -1, 3)
 
     def _flat_outlines(self, elements):
-        partial = self._matrix.view()[elements] > 0
+        partial = self._cut.view()[elements] > 0
         full = np.flatnonzero(~partial)
         box = self.box[elements]
         low, high = box[full, :2], box[full, :2] + box[full, 2:]
         rectangle = np.stack([low, np.stack([high[:, 0], low[:, 1]], 1), high, np.stack([low[:, 0], high[:, 1]], 1)], axis=1)
         cut = np.flatnonzero(partial)
-        start, count = self._pieces.view()[elements[cut]].T
+        start, count = self._pieces.view()[self._cut.view()[elements[cut]]].T
         members, owner = ragged(start, count)
         clipped = clipped_pieces(self.regions, box[cut], owner, self._piece_ids.view()[members])
         missing = clipped.shape[1] - 4
@@ -316,7 +367,7 @@ class Subtrees:
         depth = int(level.max(initial=0))
         by_level = np.argsort(level, kind="stable").astype(np.int32)
         start = np.searchsorted(level[by_level], np.arange(depth + 2))
-        inner = (forest.children[elements] >= 0).any(1)
+        inner = ~forest.leaf_of(elements)
         self._down, self._up = [], []
         for k in range(1, depth + 1):
             here = by_level[start[k] : start[k + 1]]
@@ -332,12 +383,12 @@ class Subtrees:
         cut = forest.cut(elements[at])
         full = at[~cut]
         parents = elements[full]
-        first = forest.first_slot(parents)
+        first, children = forest.first_slot(parents), forest.children_of(parents)
         parts = []
         for k in range(4):
             has = np.flatnonzero((first == 0) | (k < 2))
             if len(has):
-                child = self._place[forest.children[parents[has], k]]
+                child = self._place[children[has, k]]
                 parts.append((has, child, first[has] + k, np.where(first[has] == 0, 0.25, 0.5)))
         return full, parts, at[cut], elements[at[cut]]
 

@@ -75,7 +75,7 @@ def _cast(building: Building, forest: Forest, weight: np.ndarray, crew: Crew) ->
     lost = np.zeros(len(owner), bool)
     cuts = np.flatnonzero(np.diff(owner)) + 1
     blocks = np.split(np.arange(len(owner)), cuts) if len(owner) else []
-    for rows, result in crew.map(_lost, (building, forest.region[element], forest.nodes[element, node], direction), blocks):
+    for rows, result in crew.map(_lost, (building, forest.region[element], forest.node_of(element, node), direction), blocks):
         lost[rows] = result
     return owner, total[owner] / np.maximum(number[owner], 1), lost
 
@@ -85,7 +85,7 @@ def _on_the_surface(regions: Regions, forest: Forest, element: np.ndarray, node:
     out = np.ones(len(element), bool)
     cut = np.flatnonzero(forest.cut(element))
     region = forest.region[element[cut]]
-    uv = regions.local(region, forest.nodes[element[cut], node[cut]] + regions.centre)
+    uv = regions.local(region, forest.node_of(element[cut], node[cut]) + regions.centre)
     out[cut] = covered(regions, region, uv, _ROUNDING)
     return out
 

@@ -34,7 +34,7 @@ def illuminate(
     fresh, tests, room = np.arange(len(forest)), 0, None
     rounds = 0
     while len(fresh):
-        nodes = forest.nodes[fresh].reshape(-1, 3)
+        nodes = forest.nodes_of(fresh).reshape(-1, 3)
         region = np.repeat(forest.region[fresh], forest.node_count)
         light, doubt, veil = np.zeros((len(nodes), 3), np.float32), np.zeros(len(nodes), np.float32), np.full(len(nodes), -1)
         done = 0
@@ -57,8 +57,8 @@ def illuminate(
             filters = basis.two_scale(forest.order).astype(np.float32)[forest.slot[fresh]]
             foreseen = forest.at_nodes(fresh, np.matmul(filters.transpose(0, 2, 1), own[forest.parent[fresh]]))
         surprise = light.reshape(-1, forest.node_count, 3) - foreseen
-        error = np.sqrt((surprise.astype(np.float64) ** 2).mean(1)).max(1) * np.sqrt(forest.area[fresh])
-        error = np.maximum(error, UNSEEN * _hidden_light(doubt, veil, forest.node_count) * np.sqrt(forest.area[fresh]))
+        error = np.sqrt((surprise.astype(np.float64) ** 2).mean(1)).max(1) * np.sqrt(forest.area_of(fresh))
+        error = np.maximum(error, UNSEEN * _hidden_light(doubt, veil, forest.node_count) * np.sqrt(forest.area_of(fresh)))
         parents = fresh[(error > limit[forest.region[fresh]]) & forest.can_split(fresh, min_size)]
         before = len(forest)
         forest.split(parents)
@@ -74,7 +74,7 @@ def light_on(building: Building, forest: Forest, lit: int, kinds: tuple[Kind, ..
     the coefficients (E, m, 3) float32 W/m2.
     """
     leaf = np.flatnonzero(_leaves_among(forest, lit))
-    nodes, region = forest.nodes[leaf].reshape(-1, 3), np.repeat(forest.region[leaf], forest.node_count)
+    nodes, region = forest.nodes_of(leaf).reshape(-1, 3), np.repeat(forest.region[leaf], forest.node_count)
     light, done = np.zeros((len(nodes), 3), np.float32), 0
     for part in direct_light(building, kinds, nodes, region, crew):
         light[part.index] = part.irradiance
@@ -156,5 +156,4 @@ def _differences(forest: Forest, own: np.ndarray, known: int) -> np.ndarray:
 
 def _leaves_among(forest: Forest, known: int) -> np.ndarray:
     """(known,) bool: the leaves of the forest when it had ``known`` elements."""
-    children = forest.children[:known]
-    return (children >= known).any(1) | (children < 0).all(1)
+    return forest.leaf[:known] | (forest.first_child[:known] >= known)

@@ -57,7 +57,7 @@ def entered_power(building: Building, forest: Forest, kinds: tuple[Kind, ...], l
     if not outside:
         return 0.0
     leaf = np.flatnonzero(forest.leaf)
-    weight = np.maximum(forest.at_nodes(leaf, light[leaf]).sum(2), 0) * forest.node_weights[leaf]
+    weight = np.maximum(forest.at_nodes(leaf, light[leaf]).sum(2), 0) * forest.node_weights_of(leaf)
     total = float(weight.sum())
     if len(outside) == len(kinds) or not total > 0:
         return total
@@ -67,7 +67,7 @@ def entered_power(building: Building, forest: Forest, kinds: tuple[Kind, ...], l
     share = []
     for some in (outside, kinds):
         received = np.zeros(SAMPLES)
-        for part in direct_light(building, some, forest.nodes[element, node], forest.region[element], crew):
+        for part in direct_light(building, some, forest.node_of(element, node), forest.region[element], crew):
             received[part.index] = part.irradiance.sum(1)
         share.append(received)
     return total * float((share[0] / np.maximum(share[1], 1e-30)).mean())

@@ -161,7 +161,7 @@ def closing_gains(
             elements, trees = emitters.order[places], emitters.trees_of_block(forest, places)
             total = forest.at_nodes(elements, trees.push(own[elements]))[..., 0]
             whole = kept[elements][:, None]
-            leaf = (forest.children[elements] < 0).all(1)[:, None]
+            leaf = forest.leaf_of(elements)[:, None]
             known = (whole > 0) & leaf & (total > CLOSURE[0]) & (total < CLOSURE[1])
             out[elements] = np.where(known, whole / np.where(known, total, 1), 1)
         return out
@@ -170,7 +170,7 @@ def closing_gains(
         out = allocate((len(forest), forest.functions, 1), np.float32)
         for places in emitters.blocks():
             elements = emitters.order[places]
-            leaf = (forest.children[elements] < 0).all(1)[:, None, None]
+            leaf = forest.leaf_of(elements)[:, None, None]
             values = forest.from_nodes(elements, node_values[elements, :, None])
             out[elements] = emitters.trees_of_block(forest, places).pull(np.where(leaf, values, 0))
         return lambda elements: out[elements]
@@ -200,7 +200,7 @@ def _arriving(
     constant = allocate((len(forest), 1), np.float32)
     for group in blocks(links):
         for source, receiver, exchange in ways(group):
-            power = forest.at_nodes(source, exitance(source))[..., 0] * forest.node_weights[source]
+            power = forest.at_nodes(source, exitance(source))[..., 0] * forest.node_weights_of(source)
             if exchange.shape[2] == 1:
                 power = power.sum(1, keepdims=True)
             light = np.einsum("nij,nj->ni", exchange, power)

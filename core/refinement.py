@@ -151,7 +151,7 @@ def _children(forest: Forest, outcome: _Outcome) -> tuple[np.ndarray, np.ndarray
     sides = []
     for (a, b), flip in ((outcome.split_a, False), (outcome.split_b, True)):
         parent, other = (b, a) if flip else (a, b)
-        children = forest.children[parent]
+        children = forest.children_of(parent)
         row, k = np.nonzero(children >= 0)
         child = children[row, k]
         sides.append((other[row], child) if flip else (child, other[row]))
@@ -161,7 +161,7 @@ def _children(forest: Forest, outcome: _Outcome) -> tuple[np.ndarray, np.ndarray
 def _bodies(forest: Forest, elements: np.ndarray) -> tuple[Bodies, np.ndarray]:
     """The elements as bodies of a shaft, and their radii (n,)."""
     centre, radius = forest.spheres(elements)
-    region, half = forest.region[elements], 0.5 * forest.cover[elements, 2:]
+    region, half = forest.region[elements], 0.5 * forest.cover_of(elements)[:, 2:]
     r = forest.regions
     sides = (half[:, :1] * r.u[region], half[:, 1:] * r.v[region], r.normal[region])
     return Bodies(centre, *(x.astype(np.float32) for x in sides)), radius
@@ -202,7 +202,7 @@ def _treat(building: Building, forest: Forest, estimate: Estimate, min_size: flo
     bodies, radius = _bodies(forest, elements)
     ia, ib = _open_pairs(building, forest.region[elements], bodies, index[: len(block.a)], index[len(block.a) :])
     pairs, dropped = _worthwhile(
-        _assess(forest, estimate, elements, bodies, radius, ia, ib), forest.area[elements], estimate, elements, forest
+        _assess(forest, estimate, elements, bodies, radius, ia, ib), forest.area_of(elements), estimate, elements, forest
     )
     splittable = forest.can_split(elements, min_size)
     can_split = splittable[pairs.ia] | splittable[pairs.ib]
@@ -246,7 +246,7 @@ def _open_pairs(building: Building, region: np.ndarray, bodies: Bodies, ia: np.n
 
 def _assess(forest: Forest, estimate: Estimate, elements, bodies: Bodies, radius: np.ndarray, ia: np.ndarray, ib: np.ndarray) -> _Pairs:
     form_a, form_b, distance = _form_factors(forest, elements, bodies, radius, ia, ib)
-    root = np.sqrt(forest.area[elements]) / estimate.tolerance[forest.region[elements]]
+    root = np.sqrt(forest.area_of(elements)) / estimate.tolerance[forest.region[elements]]
     exitance, slope = estimate.exitance[elements], estimate.slope[elements]
     to_a, to_b = form_a * root[ia], form_b * root[ib]
     return _Pairs(
@@ -352,7 +352,7 @@ def _form_factors(forest, elements, bodies, radius, ia, ib):
         dot = lambda x, n=normal: np.einsum("ij,ij->i", x, n)  # noqa: E731
         top = sign * dot(offset) + np.abs(dot(bodies.half_u[j])) + np.abs(dot(bodies.half_v[j]))
         cosine.append(np.clip(top / gap, 0, 1))
-    area = forest.area[elements]
+    area = forest.area_of(elements)
     both = cosine[0] * cosine[1]
     sphere = np.pi * distance**2
     return both * area[ib] / (sphere + area[ib]), both * area[ia] / (sphere + area[ia]), distance
@@ -360,7 +360,7 @@ def _form_factors(forest, elements, bodies, radius, ia, ib):
 
 def _nodes(forest: Forest, elements: np.ndarray, one: bool) -> np.ndarray:
     """(n, 1 or q*q, 3) float32."""
-    return forest.centroids(elements)[:, None] if one else forest.nodes[elements]
+    return forest.centroids(elements)[:, None] if one else forest.nodes_of(elements)
 
 
 def _links(forest, elements, bodies, radius, pairs: _Pairs, nodes_a, nodes_b, seen) -> list[LinkSet]:
@@ -382,7 +382,7 @@ def _links(forest, elements, bodies, radius, pairs: _Pairs, nodes_a, nodes_b, se
 def _fitted(forest: Forest, receiver: np.ndarray, source: np.ndarray, kernel: np.ndarray) -> np.ndarray:
     """Kernel (n, i, j) scaled so that a source of constant exitance gives every receiving node its exact irradiance."""
     row, outline = forest.outlines(source)
-    nodes, normal = forest.nodes[receiver], forest.regions.normal[forest.region[receiver]]
+    nodes, normal = forest.nodes_of(receiver), forest.regions.normal[forest.region[receiver]]
     count = nodes.shape[1]
     exact = np.zeros((len(receiver), count))
     for k in range(count):
@@ -390,9 +390,9 @@ def _fitted(forest: Forest, receiver: np.ndarray, source: np.ndarray, kernel: np
         exact[:, k] = np.bincount(row, factor, minlength=len(receiver))
     # A node on or behind the plane of the source gets none of its light, whatever the formula says of the polygon.
     facing = forest.regions.normal[forest.region[source]]
-    height = np.einsum("nik,nk->ni", nodes - forest.nodes[source, :1], facing)
+    height = np.einsum("nik,nk->ni", nodes - forest.nodes_of(source)[:, :1], facing)
     exact = np.where(height > 0, exact, 0.0)
-    weights = forest.node_weights[source]
+    weights = forest.node_weights_of(source)
     rule = np.einsum("nij,nj->ni", kernel, weights)
     # A node that sees a part of the source but none of its nodes takes the light evenly from all of it.
     scale = np.where(rule > 0, exact / np.maximum(rule, 1e-30), 0.0)

@@ -84,8 +84,8 @@ class Shooter:
         self.unshot = np.zeros((units, 3))
         for places in emitters.blocks():
             own = emitters.order[places]
-            leaf = own[_leaf(forest, own)]
-            power = forest.mean(leaf, direct[leaf]) * self._reflectance(leaf) * forest.area[leaf, None]
+            leaf = own[forest.leaf_of(own)]
+            power = forest.mean(leaf, direct[leaf]) * self._reflectance(leaf) * forest.area_of(leaf)[:, None]
             np.add.at(self.unshot, emitters.of(emitters.place[leaf]), power)
             self._space.breathe()
         self.received, self.shot = np.zeros((units, 3)), np.zeros((units, 3))
@@ -188,7 +188,7 @@ class Shooter:
     def _times(self, gains: np.ndarray, light: np.ndarray, elements: np.ndarray) -> np.ndarray:
         """Irradiance (n, m, 3) of elements times the gain at their nodes; only leaves matter, the others are pulled from them."""
         gain = gains[elements]
-        leaf = np.flatnonzero(_leaf(self._forest, elements) & (gain != 1).any(1))
+        leaf = np.flatnonzero(self._forest.leaf_of(elements) & (gain != 1).any(1))
         ids = elements[leaf]
         light[leaf] = self._forest.from_nodes(ids, self._forest.at_nodes(ids, light[leaf]) * gain[leaf, :, None])
         return light
@@ -199,7 +199,7 @@ class Shooter:
         self._residency.next_shot()
         self._residency.need(np.array([emitter]))
         exitance = self._take(emitter, own)
-        power = forest.at_nodes(own, exitance) * forest.node_weights[own][..., None]
+        power = forest.at_nodes(own, exitance) * forest.node_weights_of(own)[..., None]
         flux = power.sum(1)
         self.shot[emitter] += self.unshot[emitter]
         self.unshot[emitter] = 0
@@ -217,10 +217,10 @@ class Shooter:
         self._residency.need(lit)
         if light.shape[1] == 1:
             self._light["constant"][places] += light[:, 0]
-            flux = light[:, 0] * forest.area[elements, None]
+            flux = light[:, 0] * forest.area_of(elements)[:, None]
         else:
             self._light["gathered"][places] += light
-            flux = np.einsum("nqc,nq->nc", light, forest.node_weights[elements])
+            flux = np.einsum("nqc,nq->nc", light, forest.node_weights_of(elements))
         flux = flux.astype(np.float64)  # sums over many elements
         self.received[lit] += np.add.reduceat(flux, first, axis=0)
         self.unshot[lit] += np.add.reduceat(flux * self._reflectance(elements), first, axis=0)
@@ -233,7 +233,7 @@ class Shooter:
             own, trees, light = emitters.order[places], emitters.trees_of_block(forest, places), self._light[places]
             rest = _received(forest, own, light)
             waiting = self._fresh[emitters.of(np.arange(places.start, places.stop))][:, None, None]
-            leaf = _leaf(forest, own)
+            leaf = forest.leaf_of(own)
             left = self._times(self._gains.received, trees.push(rest), own) + np.where(waiting, self._first[own], 0)
             exitance = np.abs(forest.mean(own[leaf], left[leaf])) * self._reflectance(own[leaf])
             brightest = max(brightest, float(exitance.max(initial=0.0)))
@@ -260,11 +260,6 @@ def _light_of(forest: Forest) -> np.dtype:
     """The light of an element: what its nodes, and all of it alike, have received and not shot, and what it has received in all."""
     parts = [("gathered", (forest.node_count, 3)), ("constant", (3,)), ("total", (forest.functions, 3))]
     return np.dtype([(name, "<f4", shape) for name, shape in parts])
-
-
-def _leaf(forest: Forest, elements: np.ndarray) -> np.ndarray:
-    """(n,) bool."""
-    return (forest.children[elements] < 0).all(1)
 
 
 def _received(forest: Forest, elements: np.ndarray, light: np.ndarray) -> np.ndarray:

@@ -76,7 +76,7 @@ def error_at(order: int, rounds: int) -> float:
     points = building.regions.world(np.repeat(forest.region[leaf], len(uv)), places.reshape(-1, 2)) + centre
     found = coefficients[leaf, :, 0].astype(float) @ basis.evaluate(order, uv).T
     exact = exact_light(points).reshape(found.shape)
-    weight = forest.area[leaf, None] * weights
+    weight = forest.area_of(leaf)[:, None] * weights
     return float(np.sqrt((weight * (found - exact) ** 2).sum() / weight.sum()) / ((weight * exact).sum() / weight.sum()))
 
 

@@ -90,7 +90,7 @@ def balance(solved: Solved) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     for k, shooter in enumerate(shooters):
         sent = forest.pull(np.where(((unit == shooter) & forest.leaf)[:, None, None], gained, np.float32(0)))
         nodes = forest.at_nodes(everything, received(forest, solved.links, sent))[leaf, :, 0].astype(float)
-        arrived[k] = (nodes * solved.gains.received[leaf] * forest.node_weights[leaf]).sum()
+        arrived[k] = (nodes * solved.gains.received[leaf] * forest.node_weights_of(leaf)).sum()
         own = leaf[unit[leaf] == shooter]
         lost[k] = shot[shooter] * _lost_share(solved, own, power[own])
     return shot[shooters], arrived, lost
@@ -108,7 +108,7 @@ def _lost_share(solved: Solved, elements: np.ndarray, power: np.ndarray) -> floa
     local = radius * np.cos(angle), radius * np.sin(angle), np.sqrt(np.maximum(1 - first, 0))
     r, region = building.regions, forest.region[element]
     direction = sum(x[:, None] * axis[region] for x, axis in zip(local, (r.u, r.v, r.normal), strict=True)).astype(np.float32)
-    hits = first_hits(building.blockers, forest.nodes[element, node], direction)
+    hits = first_hits(building.blockers, forest.node_of(element, node), direction)
     return float(((hits.blocker < 0) | hits.behind).mean())
 
 
@@ -134,7 +134,7 @@ def asymmetry(solved: Solved) -> tuple[float, float]:
 
 def _weights(forest, elements: np.ndarray, nodes: int) -> np.ndarray:
     """(n, nodes) float64 m2 that each node of a link stands for."""
-    weights = forest.node_weights[elements].astype(float)
+    weights = forest.node_weights_of(elements).astype(float)
     return weights if nodes > 1 else weights.sum(1, keepdims=True)
 
 
