@@ -25,7 +25,7 @@ from .lamps import placed, read_lamps
 from .light_groups import light_groups
 from .membership import Membership, everything_evaluated, membership
 from .mesh_arrays import MeshArrays, read_mesh, same_topology
-from .shading import Surface, read_material
+from .palette import Palette
 from .world import read_world
 
 STEP = 1e-3
@@ -65,7 +65,10 @@ class Extraction:
 
 @dataclass
 class Part:
-    """One object or instance: its faces as planar polygons. ``owner`` is what makes the instance, or the object itself."""
+    """One object or instance: its faces as P planar polygons. ``owner`` is what makes the instance, or the object itself.
+
+    reflectance : (P, 3);  emission : (P, 3), W/m2
+    """
 
     name: str
     thing: bpy.types.Object
@@ -73,7 +76,8 @@ class Part:
     rooms: tuple[int, ...]
     mesh: MeshArrays
     faces: PlanarFaces
-    surfaces: list[Surface]
+    reflectance: np.ndarray
+    emission: np.ndarray
     receiver: bool
     in_place: bool
 
@@ -147,7 +151,7 @@ def parts_of(depsgraph: bpy.types.Depsgraph, found: Membership, scale: float, wa
     """All surfaces: objects in the order of the collections, the instances of each after it."""
     order = {thing: k for k, thing in enumerate(found.rooms)}
     portals = set(found.portals)
-    materials: dict[bpy.types.Material | None, Surface] = {}
+    palette = Palette(warnings)
     parts: list[tuple[tuple[int, bool], Part]] = []
     instanced: dict[str, None] = {}
     for item in depsgraph.object_instances:
@@ -160,7 +164,7 @@ def parts_of(depsgraph: bpy.types.Depsgraph, found: Membership, scale: float, wa
         if item.object.type not in ("MESH", "CURVE", "SURFACE", "META", "FONT"):
             continue
         name = f"{thing.name} in {owner.name}" if item.is_instance else thing.name
-        part = _part(item.object, np.array(item.matrix_world), name, thing, owner, found.rooms[owner], scale, materials, warnings)
+        part = _part(item.object, np.array(item.matrix_world), name, thing, owner, found.rooms[owner], scale, palette)
         if part is None:
             continue
         part.receiver = not item.is_instance and thing.type == "MESH" and thing.library is None and thing.override_library is None
@@ -177,27 +181,22 @@ def _shows_itself(thing: bpy.types.Object) -> bool:
     return thing.instance_type == "NONE" or thing.show_instancer_for_render or thing.type != "MESH"
 
 
-def _part(evaluated, matrix, name, thing, owner, rooms, scale, materials, warnings) -> Part | None:
+def _part(evaluated, matrix, name, thing, owner, rooms, scale, palette) -> Part | None:
     mesh = evaluated.to_mesh()
     try:
         if mesh is None or len(mesh.polygons) == 0:
             return None
-        arrays = read_mesh(mesh, matrix, scale)
+        slots = [slot.material for slot in evaluated.material_slots] or [None]
+        surfaces = [palette.surface(material.original if material is not None else None) for material in slots]
+        arrays = read_mesh(mesh, matrix, scale, {name for surface in surfaces for name in surface.uv_maps})
         if not np.isfinite(arrays.position).all():
             raise SceneError(f"object '{thing.name}' has vertices that are not numbers: repair the mesh or its transform")
-        slots = [slot.material for slot in evaluated.material_slots] or [None]
         in_place = thing.type == "MESH" and thing.mode == "OBJECT" and same_topology(thing.data, mesh)
     finally:
         evaluated.to_mesh_clear()
-    surfaces = []
-    for material in slots:
-        original = material.original if material is not None else None
-        if original not in materials:
-            materials[original], said = read_material(original)
-            warnings.extend(said)
-        surfaces.append(materials[original])
     faces = planar_faces(arrays.position, arrays.corner_vertex, arrays.face_start, arrays.triangle, arrays.triangle_face)
-    return Part(name, thing, owner, rooms, arrays, faces, surfaces, False, in_place)
+    reflectance, emission = palette.colors(arrays, faces, surfaces)
+    return Part(name, thing, owner, rooms, arrays, faces, reflectance, emission, False, in_place)
 
 
 @dataclass(frozen=True)
@@ -224,10 +223,8 @@ def assemble(parts: list[Part]) -> Built:
         vertices.append(mesh.position)
         corner.append(mesh.corner_vertex[loop] + base)
         size.append(np.diff(faces.start))
-        # Slots beyond the last show as the last, as in Blender.
-        slot = np.clip(mesh.material[faces.face], 0, len(part.surfaces) - 1)
-        reflectance.append(np.array([s.reflectance for s in part.surfaces])[slot])
-        emission.append(np.array([s.emission for s in part.surfaces])[slot])
+        reflectance.append(part.reflectance)
+        emission.append(part.emission)
         owner.append(np.full(len(faces.face), k, np.int32))
         base += len(mesh.position)
     return Built(

@@ -21,7 +21,7 @@ from ..core.luminaire_files import read_luminaire
 from ..core.luminous_intensity import Distribution
 from ..core.scene import SceneError
 from .membership import Membership, rendered_objects
-from .shading import source_of
+from .pictures import source_of
 
 IES_EFFICACY = 177.83
 """Lumens per watt by which Cycles takes the candela of a photometric file, measured."""

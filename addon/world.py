@@ -3,14 +3,12 @@
 
 from __future__ import annotations
 
-import math
-
 import bpy
 import numpy as np
 
 from ..core.lamps import Sky, Suns, no_suns
 from ..core.sky_maps import sky_of_image
-from .shading import image_pixels, source_of
+from .pictures import image_pixels, rotation, source_of
 
 
 def read_world(world: bpy.types.World | None, warnings: list[str]) -> tuple[Sky | None, Suns]:
@@ -58,9 +56,9 @@ def _image(world: bpy.types.World, node: bpy.types.Node, strength: float, warnin
         warnings.append(f"the image of the world '{world.name}' is a mirror ball: it is taken as equirectangular, choose such an image")
     if strength <= 0:
         return None, no_suns()
-    color, _ = image_pixels(image)
+    color = image_pixels(image)[:, :, :3]
     turn = _rotation(node, world.name, warnings)
-    return sky_of_image(world.name, strength * color.reshape(image.size[1], image.size[0], 3), turn)
+    return sky_of_image(world.name, strength * color, turn)
 
 
 def _rotation(node: bpy.types.Node, name: str, warnings: list[str]) -> np.ndarray:
@@ -71,13 +69,5 @@ def _rotation(node: bpy.types.Node, name: str, warnings: list[str]) -> np.ndarra
     if mapping.type != "MAPPING":
         warnings.append(f"the world '{name}' has a {mapping.bl_label} node before its image that cannot be read: it is left out")
         return np.eye(3)
-    x, y, z = mapping.inputs["Rotation"].default_value
-    turns = []
-    for axis, angle in enumerate((x, y, z)):
-        i, j = (axis + 1) % 3, (axis + 2) % 3
-        turn = np.eye(3)
-        turn[i, i] = turn[j, j] = math.cos(angle)
-        turn[i, j], turn[j, i] = -math.sin(angle), math.sin(angle)
-        turns.append(turn)
-    forth = turns[2] @ turns[1] @ turns[0]
+    forth = rotation(mapping.inputs["Rotation"].default_value)
     return forth.T if mapping.vector_type == "TEXTURE" else forth

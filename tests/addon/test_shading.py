@@ -102,18 +102,33 @@ def test_what_cannot_be_read_is_named(nodes):
     check(nodes.read(), 0.5, 0, "'Color' that cannot be read")
 
 
-@pytest.mark.parametrize("floating", [False, True])
-def test_a_texture_is_its_mean(nodes, shop, floating):
+@pytest.mark.parametrize(("floating", "cut_out", "mean"), [(False, False, 6 / 16), (False, True, 6 / 12), (True, False, 10 / 16)])
+def test_a_texture_is_its_mean(nodes, shop, floating, cut_out, mean):
+    """As in Cycles: bytes are multiplied with alpha, floats are taken to be so; where alpha is made use of, what is see-through is not."""
     image = shop.bpy.data.images.new("Checker", 4, 4, float_buffer=floating, alpha=True)
     pixels = np.zeros((16, 4), np.float32)
     pixels[::2, :3] = 1.0
     pixels[:, 3] = 1.0
-    pixels[12:, 3] = 0.0  # what is see-through does not count
+    pixels[12:, 3] = 0.0
     pixels[12:, :3] = 1.0
     image.pixels.foreach_set(pixels.ravel())
+    principled = nodes.add("ShaderNodeBsdfPrincipled", nodes.surface, Emission_Strength=0)
+    texture = nodes.add("ShaderNodeTexImage", principled.inputs["Base Color"])
+    texture.image = image
+    if cut_out:
+        nodes.link(texture.outputs["Alpha"], principled.inputs["Alpha"])
+    check(nodes.read(), mean, 0, *(["'Alpha' that cannot be read"] if cut_out else []))
+
+
+def test_a_texture_that_lies_on_no_uv_map_is_said_to_be_its_mean(nodes, shop):
+    image = shop.bpy.data.images.new("Red", 2, 2)
+    image.pixels.foreach_set(np.tile(np.float32([1, 0, 0, 1]), 4))
     diffuse = nodes.add("ShaderNodeBsdfDiffuse", nodes.surface)
-    nodes.add("ShaderNodeTexImage", diffuse.inputs["Color"]).image = image
-    check(nodes.read(), 0.5, 0, "image 'Checker'")
+    texture = nodes.add("ShaderNodeTexImage", diffuse.inputs["Color"])
+    texture.image = image
+    place = nodes.add("ShaderNodeTexCoord")
+    nodes.link(place.outputs["Generated"], texture.inputs["Vector"])
+    check(nodes.read(), (1, 0, 0), 0, "image 'Red' without a UV map")
 
 
 def test_byte_textures_are_made_linear(nodes, shop):
