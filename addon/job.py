@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A bake in three phases: :func:`read` (Blender to arrays), :func:`work` (arrays only, may run in a thread), :func:`write`.
+"""A bake in three phases: :func:`read` (Blender to arrays), :func:`work` (arrays only), :func:`write`.
 
 Until :func:`write` nothing in the file is changed, so a bake may be left at any time before.
 """
@@ -7,23 +7,18 @@ Until :func:`write` nothing in the file is changed, so a bake may be left at any
 from __future__ import annotations
 
 import os
-import time
 from collections import Counter
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
 
-from ..core.bake_values import Carrier, CornerItem, FineCarrier, Page, PageItem, evaluate, evaluate_groups, plan_page, refined
-from ..core.element_mesh import element_mesh
-from ..core.lightings import lit_by
+from ..core.bake_values import Carrier
+from ..core.baking import Baked, Step, Task, bake
+from ..core.beside import beside
 from ..core.options import BakeOptions, Options
-from ..core.photometry import PARTS, recombined
-from ..core.progress import TimeLeft, words
 from ..core.scene import Scene, SceneError
-from ..core.solution import Solution
 from . import bake_texture, bake_vertex, fine_mesh, last_light, materials, outdated
 from .clear import clear
 from .extract import Extraction, Receiver, extract
@@ -32,12 +27,8 @@ from .light_layers import SolvedLight
 from .membership import everything_evaluated
 from .mesh_arrays import bulk
 from .preferences import on_this_machine
-from .preview import Previews
 from .properties import read_options, write_options
 from .recombine import kept_groups, settle
-
-SOLVE_SHARE = {"vertex": 0.75, "texture": 0.15}
-"""Part of the progress bar that the solver takes; the rest is for asking it at corners or at the many texels."""
 
 
 @dataclass(frozen=True)
@@ -60,48 +51,12 @@ class Reading:
 
 
 @dataclass(frozen=True)
-class Baked:
-    """What was computed. Receiver k carries ``colors[k]``, or in the pages that have it as a member its texture.
-
-    report : the figures of the solver;  fine : subdivided carriers, or None for each;  colors : (C, 4) or (V, 4) float32
-    pages, page_names, images : textures, (H, W, 4) float32;  light : on the elements, to be looked at
-    groups : names of the light groups;  parts : for each of ``colors`` or ``images`` what it is by each of them alone
-    """
-
-    report: dict[str, Any]
-    fine: tuple[FineCarrier | None, ...]
-    colors: tuple[np.ndarray, ...] = ()
-    pages: tuple[Page, ...] = ()
-    page_names: tuple[str, ...] = ()
-    images: tuple[np.ndarray, ...] = ()
-    warnings: tuple[str, ...] = ()
-    light: SolvedLight | None = None
-    groups: tuple[str, ...] = ()
-    parts: tuple[tuple[np.ndarray, ...], ...] = ()
-
-
-@dataclass(frozen=True)
 class Written:
     """What was written: names of objects that carry the light, of images, and what the user should know."""
 
     objects: tuple[str, ...]
     images: tuple[str, ...]
     warnings: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Step:
-    """Progress of a bake: ``fraction`` 0..1 of the whole; ``remaining`` seconds that it may still take, None where that cannot be told."""
-
-    stage: str
-    fraction: float
-    message: str
-    remaining: float | None = field(default=None, compare=False)
-
-    @property
-    def time_left(self) -> str:
-        """The time left in words, empty where it cannot be told."""
-        return "" if self.remaining is None or self.fraction >= 1 else words(self.remaining)
 
 
 def settings(scene: bpy.types.Scene) -> tuple[Options, BakeOptions]:
@@ -190,85 +145,31 @@ def _check_names(thing: bpy.types.Object, bake: BakeOptions) -> None:
         raise SceneError(f"object '{thing.name}' has eight UV maps, which is the most there can be: remove one")
 
 
-def work(
-    reading: Reading, run: Callable[[Scene, Options], Generator] | None = None, previews: Previews | None = None
-) -> Generator[Step, None, Baked]:
-    """Solve and evaluate; touches no Blender data. ``run`` is the solver, ``core.pipeline.run`` unless told otherwise.
+def task(reading: Reading) -> Task:
+    """What there is to compute, without anything of Blender."""
+    meshes = (r.mesh for r in reading.receivers)
+    pairs = zip(meshes, reading.receivers, strict=True)
+    return Task(
+        reading.extraction.scene,
+        reading.solving,
+        reading.bake,
+        tuple(Carrier(m.position, m.corner_vertex, m.face_start, m.sharp, m.triangle, r.triangle_polygon) for m, r in pairs),
+        tuple(r.name for r in reading.receivers),
+        tuple(r.room for r in reading.receivers),
+    )
 
-    previews : what makes drawings of the light so far, None where nobody looks
+
+def work(reading: Reading, run: Callable[[Scene, Options], Generator] | None = None) -> Generator[Step, None, Baked]:
+    """Compute here; touches no Blender data. ``run`` is the solver, ``core.pipeline.run`` unless told otherwise.
 
     Raises SceneError for what only the solver finds; closing the generator cancels.
     """
-    if run is None:
-        from ..core.pipeline import run
-    scene, bake = reading.extraction.scene, reading.bake
-    coarse = [_carrier(receiver) for receiver in reading.receivers]
-    fine = tuple(refined(c, bake.subdivide) if bake.subdivide > 0.0 else None for c in coarse)
-    carriers = [c if f is None else f.carrier for c, f in zip(coarse, fine, strict=True)]
-    pages, names, warnings = _plan(reading, carriers) if bake.target == "texture" else ((), (), [])
-
-    share, left = SOLVE_SHARE[bake.target], TimeLeft()
-    solver = run(scene, reading.solving)
-    try:
-        while True:
-            progress = next(solver)
-            if previews is not None:
-                previews.look(progress.so_far)
-            done = share * progress.fraction
-            yield Step(progress.stage, done, progress.message, left.after(done))
-    except StopIteration as end:
-        solution = end.value
-    finally:
-        solver.close()
-
-    groups = scene.groups.names if scene.groups is not None else ()
-    quantity = PARTS.get(bake.quantity, bake.quantity) if groups else bake.quantity
-    if pages:
-        items = [PageItem(carriers, page, quantity, bake.margin) for page in pages]
-    else:
-        items = [CornerItem(carrier, quantity, bake.domain) for carrier in carriers]
-    place = "texels" if pages else "corners"
-    started = time.perf_counter()
-    by_group = [lit_by(scene, k) for k in range(len(groups))]
-    evaluation = evaluate_groups(items, solution, by_group) if groups else evaluate(items, solution, scene)
-    try:
-        while True:
-            done = share + (1.0 - share) * next(evaluation)
-            yield Step("bake", done, f"Light at the {place}", left.after(done))
-    except StopIteration as end:
-        values = tuple(end.value)
-    seconds = {**solution.report.get("seconds", {})}
-    seconds["evaluate"] = time.perf_counter() - started
-    seconds["total"] = sum(v for name, v in seconds.items() if name != "total")
-    report = {**solution.report, "seconds": seconds}
-    light = SolvedLight(element_mesh(solution), reading.extraction.metres_per_unit) if isinstance(solution, Solution) else None
-    parts: tuple[tuple[np.ndarray, ...], ...] = ((),) * len(values)
-    if groups:
-        parts, values = values, tuple(recombined(bake.quantity, part, np.ones((len(groups), 3))) for part in values)
-    if pages:
-        return Baked(report, fine, (), pages, names, values, tuple(warnings), light, groups, parts)
-    return Baked(report, fine, colors=values, light=light, groups=groups, parts=parts)
+    return bake(task(reading), run)
 
 
-def _carrier(receiver: Receiver) -> Carrier:
-    mesh = receiver.mesh
-    return Carrier(mesh.position, mesh.corner_vertex, mesh.face_start, mesh.sharp, mesh.triangle, receiver.triangle_polygon)
-
-
-def _plan(reading: Reading, carriers: list[Carrier]) -> tuple[tuple[Page, ...], tuple[str, ...], list[str]]:
-    bake, room_names = reading.bake, reading.extraction.scene.room_names
-    if bake.atlas == "room":
-        rooms = sorted({receiver.room for receiver in reading.receivers})
-        groups = [(room_names[r], [k for k, receiver in enumerate(reading.receivers) if receiver.room == r]) for r in rooms]
-    else:
-        groups = [(receiver.name, [k]) for k, receiver in enumerate(reading.receivers)]
-    pages = tuple(plan_page(carriers, members, bake.texel_density, bake.margin, bake.max_resolution, name) for name, members in groups)
-    warnings = [
-        f"the lightmap of '{name}' takes {page.density:.3g} texels per metre to fit into {bake.max_resolution} x {bake.max_resolution}"
-        for (name, _), page in zip(groups, pages, strict=True)
-        if page.density < bake.texel_density
-    ]
-    return pages, tuple(f"{bake.name} {name}" for name, _ in groups), warnings
+def work_beside(reading: Reading) -> Generator[Step, None, Baked]:
+    """As :func:`work`, in a process of its own and with sketches of the light so far; for a thread that a window looks after."""
+    return beside(bake, task(reading), None, True)
 
 
 def solve_all(reading: Reading, progress: Callable[[Step], None] | None = None, run: Callable | None = None) -> Baked:
@@ -313,7 +214,7 @@ def write(context: bpy.types.Context, reading: Reading, baked: Baked) -> Written
             thing.data.enfilade.quantity = reading.bake.quantity
     settle(scene)
     outdated.baked(scene, reading.fingerprint, not reading.rooms)
-    last_light.keep(scene, baked.light)
+    last_light.keep(scene, SolvedLight(baked.elements, reading.extraction.metres_per_unit) if baked.elements is not None else None)
     if reading.bake.material:
         show_materials(reading, [t.name if t is not None else None for t in targets], images)
     return Written(tuple(t.name for t in targets if t is not None), tuple(dict.fromkeys(images.values())), tuple(warnings))

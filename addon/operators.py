@@ -78,7 +78,7 @@ class ENFILADE_OT_bake(bpy.types.Operator):
         return {"FINISHED"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """With a window: in a thread, with progress, until it is done or ESC is pressed."""
+        """With a window: beside it, with progress, until it is done or ESC is pressed."""
         return self.execute(context) if bpy.app.background else self.begin(context)
 
     def begin(self, context: bpy.types.Context) -> set[str]:
@@ -92,7 +92,7 @@ class ENFILADE_OT_bake(bpy.types.Operator):
         self.cancelled = False
         self._preview = PreviewWindow()
         self._previews = Previews(self._reading.extraction.metres_per_unit)
-        self._worker = Worker(job.work(self._reading, previews=self._previews))
+        self._worker = Worker(self._previews.of(job.work_beside(self._reading)))
         self._timer = context.window_manager.event_timer_add(POLL_SECONDS, window=context.window)
         context.window_manager.progress_begin(0, 100)
         context.window_manager.modal_handler_add(self)

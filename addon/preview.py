@@ -3,42 +3,33 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
+from collections.abc import Generator
 
-from ..core.element_mesh import element_mesh
-from ..core.solution import Solution
+from ..core.baking import Baked, Step
 from . import overlay
 from .light_layers import SolvedLight, light_content
 from .overlay_layers import Content
 
-MOST_ELEMENTS = 40_000
-"""Finer elements are not drawn while the solver works."""
-
-SHARE = 0.05
-"""Largest part of the solver's time that goes into pictures of the light so far."""
-
-PAUSE = 0.5
-"""Shortest time between two of them, seconds."""
-
 
 class Previews:
-    """Makes drawings of the light so far, seldom enough; to be called in the solver's thread."""
+    """Makes drawings of the sketches that come with the steps of a bake."""
 
     def __init__(self, metres_per_unit: float) -> None:
         self._metres_per_unit = metres_per_unit
-        self._next, self._made = 0.0, None
+        self._made: Content | None = None
 
-    def look(self, so_far: Callable[[], Solution] | None) -> None:
-        """Make a drawing of the light, unless it is too early for another."""
-        started = time.perf_counter()
-        if so_far is None or started < self._next:
-            return
-        mesh = element_mesh(so_far(), MOST_ELEMENTS)
-        content = light_content(SolvedLight(mesh, self._metres_per_unit), "The light so far")
-        took = time.perf_counter() - started
-        self._next = started + took + max(PAUSE, took / SHARE)
-        self._made = content
+    def of(self, steps: Generator[Step, None, Baked]) -> Generator[Step, None, Baked]:
+        """The steps as they are, looked at on their way; for the thread that asks for them."""
+        try:
+            while True:
+                step = next(steps)
+                if step.sketch is not None:
+                    self._made = light_content(SolvedLight(step.sketch, self._metres_per_unit), "The light so far")
+                yield step
+        except StopIteration as end:
+            return end.value
+        finally:
+            steps.close()
 
     def take(self) -> Content | None:
         """The newest drawing, once; None where there is none since the last call. May be called in another thread."""

@@ -387,11 +387,11 @@ def test_a_modal_bake_that_fails_says_so(shop, lit_room, monkeypatch):
     from enfilade.addon import job
     from enfilade.core.scene import SceneError
 
-    def work(reading, previews):
+    def work(reading):
         yield job.Step("solve", 0.1, "")
         raise SceneError("the roof leaks")
 
-    monkeypatch.setattr(job, "work", work)
+    monkeypatch.setattr(job, "work_beside", work)
     window, operator = FakeWindow(shop.bpy), FakeOperator()
     operator.start(window)
     operator._worker.join(5)
