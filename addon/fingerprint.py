@@ -106,7 +106,26 @@ def _object(thing: bpy.types.Object, seen: dict) -> bytes:
                 continue
             material = material.enfilade.stands_for
         parts.append(_once(material, seen) if material is not None else b"none")
+        if isinstance(thing.data, bpy.types.Mesh) and _shows_images(material):
+            parts.append(_once_uv(thing.data, seen))
     return b"|".join(parts)
+
+
+def _shows_images(material: bpy.types.Material | None) -> bool:
+    tree = material.node_tree if material is not None else None
+    return tree is not None and any(node.type == "TEX_IMAGE" for node in tree.nodes)
+
+
+def _once_uv(mesh: bpy.types.Mesh, seen: dict) -> bytes:
+    """The UV maps of a mesh but that of a bake."""
+    key = (mesh, "UV")
+    if key not in seen:
+        whole = hashlib.blake2b(digest_size=16)
+        for layer in mesh.uv_layers:
+            if layer.name != mesh.enfilade.uv_map:
+                whole.update(repr((layer.name, layer.active_render)).encode() + bulk(layer.uv, "vector", np.float32, 2).tobytes())
+        seen[key] = whole.digest()
+    return seen[key]
 
 
 def _once(data: bpy.types.ID, seen: dict) -> bytes:

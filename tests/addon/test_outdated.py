@@ -87,6 +87,26 @@ def test_changes_of_the_scene_count(shop, baked, change):
     assert not stale(shop)
 
 
+def test_where_an_image_lies_counts_where_there_is_one(shop, baked):
+    from enfilade.addon.properties import write_options
+    from enfilade.core.options import BakeOptions
+
+    bpy, bake = shop.bpy, {"target": "texture", "texel_density": 2.0, "material": True}
+    write_options(bpy.context.scene.enfilade.bake, BakeOptions(**bake))
+    mesh = baked["Lamp"].data
+    mesh.uv_layers.new(name="Map")
+    material = mesh.materials[0]
+    shop.bake(**bake)
+    assert not stale(shop)
+    mesh.uv_layers["Map"].uv[0].vector = (0.3, 0.4)
+    assert not stale(shop)  # nothing lies on it
+    material.node_tree.nodes.new("ShaderNodeTexImage").image = bpy.data.images.new("Picture", 4, 4)
+    shop.bake(**bake)
+    assert not stale(shop)
+    mesh.uv_layers["Map"].uv[0].vector = (0.5, 0.4)
+    assert stale(shop)
+
+
 @pytest.mark.parametrize("kind", ["POINT", "SUN", "AREA", "SPOT"])
 def test_lamps_and_sky_count(shop, kind):
     bpy = shop.bpy
