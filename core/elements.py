@@ -386,10 +386,11 @@ class Subtrees:
         first, children = forest.first_slot(parents), forest.children_of(parents)
         parts = []
         for k in range(4):
-            has = np.flatnonzero((first == 0) | (k < 2))
+            has = np.flatnonzero((first == 0) | (k < 2)).astype(np.int32)
             if len(has):
                 child = self._place[children[has, k]]
-                parts.append((has, child, first[has] + k, np.where(first[has] == 0, 0.25, 0.5)))
+                share = np.where(first[has] == 0, np.float32(0.25), np.float32(0.5))
+                parts.append((has, child, (first[has] + k).astype(np.int8), share))
         return full, parts, at[cut], elements[at[cut]]
 
     def push(self, coefficients: np.ndarray) -> np.ndarray:

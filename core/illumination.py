@@ -10,7 +10,9 @@ from . import basis
 from .building import Building
 from .direct import direct_light
 from .elements import Forest
+from .emitters import emitters_of
 from .light_kinds import Kind
+from .links import Allocate
 from .parallel import Crew
 
 UNSEEN = 0.05
@@ -19,14 +21,23 @@ UNSEEN = 0.05
 UNFORESEEN = 0.25
 """Part of the mean light of a root element that may be the error of its few nodes."""
 
+_BLOCK = 1 << 15
+"""Elements that are worked on at once."""
+
 
 def illuminate(
-    building: Building, forest: Forest, kinds: tuple[Kind, ...], tolerance: float, min_size: float, crew: Crew
+    building: Building,
+    forest: Forest,
+    kinds: tuple[Kind, ...],
+    tolerance: float,
+    min_size: float,
+    crew: Crew,
+    allocate: Allocate = np.zeros,
 ) -> Iterator[float | tuple[np.ndarray, np.ndarray, int]]:
     """Direct irradiance on every element; elements are split where it is not smooth.
 
     tolerance : admissible error of an element, of its room's mean irradiance times the root of its room's area
-    min_size : metres, elements are not split below it
+    min_size : metres, elements are not split below it;  allocate : makes room for the result, like ``np.zeros``
     Yields the share of the work done, at last (coefficients (E, m, 3) float32 W/m2 of every element with its ancestors' part,
     room irradiance (R, 3) float64 W/m2 as estimated by :func:`room_irradiance`, pairs of lamp and blocker weighed).
     """
@@ -64,10 +75,12 @@ def illuminate(
         forest.split(parents)
         fresh = np.arange(before, len(forest))
         own = np.concatenate([own, np.zeros((len(fresh), *own.shape[1:]), np.float32)])
-    yield forest.pull(np.where(forest.leaf[:, None, None], own, 0)), room, tests
+    yield extended(forest, own, allocate), room, tests
 
 
-def light_on(building: Building, forest: Forest, lit: int, kinds: tuple[Kind, ...], crew: Crew) -> Iterator[float | np.ndarray]:
+def light_on(
+    building: Building, forest: Forest, lit: int, kinds: tuple[Kind, ...], crew: Crew, allocate: Allocate = np.zeros
+) -> Iterator[float | np.ndarray]:
     """Direct irradiance of ``kinds`` on the elements that the first ``lit`` of a forest had before it grew, and so on all.
 
     The light of parts of what :func:`illuminate` was given adds up to its own. Yields the share of the work done, at last
@@ -82,7 +95,7 @@ def light_on(building: Building, forest: Forest, lit: int, kinds: tuple[Kind, ..
         yield done / len(nodes)
     own = np.zeros((lit, forest.functions, 3), np.float32)
     own[leaf] = forest.from_nodes(leaf, light.reshape(-1, forest.node_count, 3))
-    yield extended(forest, own)
+    yield extended(forest, own, allocate)
 
 
 def _hidden_light(doubt: np.ndarray, veil: np.ndarray, nodes: int) -> np.ndarray:
@@ -132,25 +145,31 @@ def exitance_estimate(forest: Forest, direct: np.ndarray, room: np.ndarray) -> t
     square, that is not constant: for the oracle.
     """
     regions = forest.regions
-    reflectance = regions.reflectance[forest.region]
-    mean = np.maximum(forest.mean(np.arange(len(forest)), direct), 0) + room[regions.room[forest.region]]
-    slope = np.sqrt((direct[:, 1:].astype(np.float64) ** 2).sum(1))
-    return (mean * reflectance).max(1), (slope * reflectance).max(1)
+    exitance, slope = np.empty(len(forest)), np.empty(len(forest))
+    for low in range(0, len(forest), _BLOCK):
+        here = slice(low, min(low + _BLOCK, len(forest)))
+        region, light = forest.region[here], direct[here]
+        reflectance = regions.reflectance[region]
+        mean = np.maximum(forest.mean(np.arange(here.start, here.stop), light), 0) + room[regions.room[region]]
+        exitance[here] = (mean * reflectance).max(1)
+        slope[here] = (np.sqrt((light[:, 1:].astype(np.float64) ** 2).sum(1)) * reflectance).max(1)
+    return exitance, slope
 
 
-def extended(forest: Forest, light: np.ndarray) -> np.ndarray:
-    """Coefficients of all elements (E, m, 3) from those of the first ones: a younger element is a part of its parent."""
-    own = np.zeros((len(forest), *light.shape[1:]), np.float32)
-    own[: len(light)] = light
-    total = forest.push(_differences(forest, own, len(light)))
-    return forest.pull(np.where(forest.leaf[:, None, None], total, 0))
-
-
-def _differences(forest: Forest, own: np.ndarray, known: int) -> np.ndarray:
-    """Coefficients such that a push from them gives ``own`` at the leaves among the first ``known`` elements."""
-    out = np.zeros_like(own)
-    was_leaf = _leaves_among(forest, known)
-    out[:known][was_leaf] = own[:known][was_leaf]
+def extended(forest: Forest, light: np.ndarray, allocate: Allocate = np.zeros) -> np.ndarray:
+    """Coefficients of all elements (E, m, 3) from those of the first ones that were leaves then: a younger element is a part
+    of its parent. ``allocate`` makes room like ``np.zeros``.
+    """
+    out = allocate((len(forest), *light.shape[1:]), np.float32)
+    trees_in_turn = emitters_of(forest, forest.region, len(forest.regions), allocate)
+    was_leaf = _leaves_among(forest, len(light))
+    for places in trees_in_turn.blocks():
+        elements, trees = trees_in_turn.order[places], trees_in_turn.trees_of_block(forest, places)
+        rows = np.flatnonzero(elements < len(light))
+        rows = rows[was_leaf[elements[rows]]]
+        own = np.zeros((len(elements), *light.shape[1:]), np.float32)
+        own[rows] = light[elements[rows]]
+        out[elements] = trees.pull(np.where(forest.leaf_of(elements)[:, None, None], trees.push(own), 0))
     return out
 
 

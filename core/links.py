@@ -20,7 +20,7 @@ CLOSURE = (0.1, 10.0)
 """A node whose links add up to less or more than this sees next to nothing, or what cannot be."""
 BLOCK = 1 << 16
 """Links that are worked on at once."""
-_CHUNKS = (1 << 10, 1 << 20)
+_CHUNKS = (1 << 10, 1 << 18)
 """Links of the first chunk of a collection, and of its largest."""
 
 Allocate = Callable[..., np.ndarray]
@@ -70,6 +70,22 @@ def _one(group: list[LinkSet]) -> LinkSet:
     return LinkSet(*(np.concatenate([getattr(s, name) for s in group]) for name in ("a", "b", "exchange")), group[0].two_way)
 
 
+def _moved(group: list[LinkSet]) -> LinkSet:
+    """The links of a group in one set. Each of its sets leaves the group when it is copied, so that few links are there twice."""
+    if len(group) == 1:
+        return group.pop()
+    number, two_way = sum(len(links) for links in group), group[0].two_way
+    out = LinkSet(*(np.empty((number, *x.shape[1:]), x.dtype) for x in (group[0].a, group[0].b, group[0].exchange)), two_way)
+    low = 0
+    while group:
+        links = group.pop(0)
+        here = slice(low, low + len(links))
+        out.a[here], out.b[here], out.exchange[here] = links.a, links.b, links.exchange
+        low = here.stop
+        del links
+    return out
+
+
 def blocks(sets: list[LinkSet]) -> Iterator[LinkSet]:
     """The links in blocks of one shape; where one ends does not depend on how the links stand in sets."""
     for group in by_shape(sets):
@@ -114,10 +130,7 @@ class LinkCollector:
         del sets
         if self._allocate:
             return [links for group in groups for links in group]
-        out = []
-        while groups:
-            out.append(_one(groups.pop(0)))
-        return out
+        return [_moved(group) for group in groups]
 
     def _room(self, shape: tuple[int, int, bool]) -> tuple[LinkSet, int]:
         chunk, used = self._open.get(shape, (None, 0))

@@ -22,6 +22,7 @@ from .report import emitted_power, report_of
 from .scene import Scene
 from .shooting import Radiosity, Shooter, summed
 from .solution import Contribution, Solution
+from .store import Space
 from .workspace import Workspace, workspace
 
 __all__ = ["Progress", "run", "solve"]
@@ -40,6 +41,7 @@ def solve(scene: Scene, options: Options, progress: Callable[[Progress], None] |
             return end.value
         if progress:
             progress(step)
+        del step  # it holds the light of that moment
 
 
 def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
@@ -57,6 +59,7 @@ def run(scene: Scene, options: Options) -> Generator[Progress, None, Solution]:
                 return end.value
             desk.space.breathe()
             yield replace(step, remaining=time_left.after(step.fraction))
+            del step  # it holds the light of that moment
 
 
 def _steps(scene: Scene, options: Options, desk: Workspace) -> Generator[Progress, None, Solution]:
@@ -74,6 +77,7 @@ def _steps(scene: Scene, options: Options, desk: Workspace) -> Generator[Progres
         lit = yield from stages.illuminate(building, lamps, limits, options, desk)
         yield Progress("solve", 0.2, "Light of the luminaires", lambda: so_far(lit.forest, lit.light, np.zeros_like(lit.light)))
         linked = yield from stages.link(building, lit, limits, desk)
+        del lit
     forest, light, lost = linked.forest, linked.light, linked.lost
 
     closed = (lost <= escape.LEAK) & ~dimmed_rooms(building)
@@ -85,6 +89,7 @@ def _steps(scene: Scene, options: Options, desk: Workspace) -> Generator[Progres
     yield Progress("solve", 0.7, f"Ordering {units:,} emitters")
     sets = ordering.visible_sets(building.graph, clusters.polygons, unit, units)
     routes = stages.routes_of(linked.links, emitters, space)
+    linked = replace(linked, links=[])  # those that the routes do not need may go
     rooms = clusters.room if by_cluster else np.arange(units)
     parts, shots, emitted, disk = [], [], 0.0, Counter()
     lightings = lightings_of(scene, building, lamps)
@@ -103,10 +108,11 @@ def _steps(scene: Scene, options: Options, desk: Workspace) -> Generator[Progres
         parts.append(Contribution(one.kinds, first, shots[-1].irradiance))
         emitted += power
         disk.update(shooter.disk())
+    del shooter, preview, routes, gains, emitters  # what follows takes memory of its own
     radiosity = summed(shots)
     clock.seconds["solve"] = sum(clock.seconds[part] for part in PARTS)
 
-    irradiance = light + radiosity.irradiance
+    irradiance = _added(light, radiosity.irradiance, space)
     escaped = escape.escaped_power(building, forest, irradiance, lost, desk.crew)
     report = report_of(scene.polygon_count, building, forest, linked, radiosity, irradiance, closed, emitted, escaped)
     report |= {"shadow_tests": linked.shadow_tests, "warnings": findings + idle_lamps(building, scene.lamps, lamps), "disk": dict(disk)}
@@ -117,3 +123,13 @@ def _steps(scene: Scene, options: Options, desk: Workspace) -> Generator[Progres
     solution = Solution(scene, building, forest, lamps, light, radiosity.irradiance, rays, limits.min_size / 2, desk.crew, report, groups)
     desk.store.keep("light", solution.light)
     return solution
+
+
+def _added(light: np.ndarray, other: np.ndarray, space: Space) -> np.ndarray:
+    """The sum of two arrays of one shape, where there is room for it."""
+    out = space.zeros(light.shape, light.dtype)
+    for low in range(0, len(out), links.BLOCK):
+        here = slice(low, low + links.BLOCK)
+        np.add(light[here], other[here], out=out[here])
+        space.breathe()
+    return out

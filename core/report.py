@@ -45,7 +45,7 @@ def report_of(
         "pvs_polygons_max": int(graph.pvs_polygons.max(initial=0)),
         "pvs_polygons_mean": float(graph.pvs_polygons.mean()),
         "elements": len(forest),
-        "links": int(sum(len(group) for group in linked.links)),
+        "links": linked.count,
         "iterations": radiosity.iterations,
         "unshot_fraction": float(radiosity.unshot.sum() / max(emitted, 1e-300)),
         "residual_bound": brightest / (1 - brightest) * radiosity.unshot_exitance if brightest < 1 else float("inf"),

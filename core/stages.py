@@ -51,13 +51,14 @@ class Lit:
 class Linked:
     """A forest with all its links.
 
-    light : (E, m, 3) irradiance by luminaires;  lit : elements that there were when it was computed
+    count : of the links;  light : (E, m, 3) irradiance by luminaires;  lit : elements that there were when it was computed
     lost : (R,) share of the rays of a room that no surface receives
     dropped : W, bounds the light of exchanges left out;  segment_tests, shadow_tests : how often visibility was asked
     """
 
     forest: Forest
     links: list[LinkSet]
+    count: int
     light: np.ndarray
     lit: int
     lost: np.ndarray
@@ -137,7 +138,7 @@ def illuminate(building: Building, lamps: Any, limits: Tolerances, options: Opti
         desk.clock.lap("light", saved.facts["seconds"])
         return Lit(forest, arrays["light"], arrays["room"], saved.facts["tests"])
     forest = kept_by(Forest(building.regions, options.order), space.zeros)
-    steps = illumination.illuminate(building, forest, lamps, limits.direct, limits.min_size, desk.crew)
+    steps = illumination.illuminate(building, forest, lamps, limits.direct, limits.min_size, desk.crew, space.zeros)
     light, room, tests = yield from _follow(steps, 0.06, 0.2, lambda: "Light of the luminaires")
     seconds = desk.clock.lap("light")
     desk.store.keep_arrays("lamps", arrays_of(forest) | {"light": light, "room": room}, {"tests": int(tests), "seconds": seconds})
@@ -155,7 +156,7 @@ def linked_before(building: Building, options: Options, desk: Workspace) -> Link
     desk.clock.lap("light", facts["light_seconds"])
     desk.clock.lap("link", facts["seconds"])
     counts = facts["dropped"], facts["segment_tests"], facts["shadow_tests"]
-    return Linked(forest, sets, arrays["light"], facts["lit"], arrays["lost"], *counts)
+    return Linked(forest, sets, sum(map(len, sets)), arrays["light"], facts["lit"], arrays["lost"], *counts)
 
 
 def link(building: Building, lit: Lit, limits: Tolerances, desk: Workspace) -> Generator[Progress, None, Linked]:
@@ -167,7 +168,7 @@ def link(building: Building, lit: Lit, limits: Tolerances, desk: Workspace) -> G
     collector = LinkCollector(space.zeros if space.limited else None)
     steps = refinement.link(building, forest, estimate, limits.min_size, desk.crew, collector)
     made = yield from _follow(steps, 0.2, 0.7, lambda: f"Linking {len(forest):,} elements")
-    light = illumination.extended(forest, lit.light)
+    light = illumination.extended(forest, lit.light, space.zeros)
     lost = escape.lost_share(building, forest, desk.crew)
     seconds = clock.lap("link")
     groups = by_shape(made.links)
@@ -178,7 +179,9 @@ def link(building: Building, lit: Lit, limits: Tolerances, desk: Workspace) -> G
     }  # fmt: skip
     desk.store.keep_arrays("links", arrays_of(forest) | sets | {"light": light, "lost": lost}, facts)
     desk.store.drop("lamps")
-    return Linked(forest, made.links, light, len(lit.light), lost, made.dropped, facts["segment_tests"], lit.tests)
+    return Linked(
+        forest, made.links, sum(map(len, made.links)), light, len(lit.light), lost, made.dropped, facts["segment_tests"], lit.tests
+    )
 
 
 def light_of_group(building: Building, linked: Linked, kinds: Any, turn: Turn, desk: Workspace) -> Generator[Progress, None, np.ndarray]:
@@ -187,10 +190,8 @@ def light_of_group(building: Building, linked: Linked, kinds: Any, turn: Turn, d
     if saved := desk.store.recall(stage):
         desk.clock.lap("light", desk.clock.seconds["light"] + saved.facts["seconds"])
         return saved.arrays()["light"]
-    steps = illumination.light_on(building, linked.forest, linked.lit, kinds, desk.crew)
-    found = yield from _follow(steps, turn.at(0.0), turn.at(0.5), lambda: f"{turn.title}Light of the luminaires")
-    light = desk.space.zeros(found.shape, np.float32)
-    light[:] = found
+    steps = illumination.light_on(building, linked.forest, linked.lit, kinds, desk.crew, desk.space.zeros)
+    light = yield from _follow(steps, turn.at(0.0), turn.at(0.5), lambda: f"{turn.title}Light of the luminaires")
     before = desk.clock.seconds["light"]
     seconds = desk.clock.lap("light", before) - before
     desk.store.keep_arrays(stage, {"light": light}, {"seconds": seconds})
