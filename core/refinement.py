@@ -370,12 +370,12 @@ def _links(forest, elements, bodies, radius, pairs: _Pairs, nodes_a, nodes_b, se
     exchange = transport.kernel(nodes_a, bodies.normal[ia], nodes_b, bodies.normal[ib])
     near = TOUCHING * (pairs.xa + pairs.xb) > 1
     far = ~near
-    out = [LinkSet(a[far], b[far], (exchange * seen)[far], True)]
+    out = [LinkSet.of(a[far], b[far], (exchange * seen)[far], True)]
     here = np.flatnonzero(near)
     if len(here):
         for i, j, turn in ((a[here], b[here], False), (b[here], a[here], True)):
             k, v = (exchange[here].transpose(0, 2, 1), seen[here].transpose(0, 2, 1)) if turn else (exchange[here], seen[here])
-            out.append(LinkSet(i, j, _fitted(forest, i, j, k) * v, False))
+            out.append(LinkSet.of(i, j, _fitted(forest, i, j, k) * v, False))
     return out
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from .emitters import Emitters
 from .grouping import runs
-from .links import BLOCK, Allocate, LinkSet, blocks, by_shape, directions, joined
+from .links import BLOCK, Allocate, LinkSet, blocks, by_shape, exchanged, joined
 
 
 class Beam(NamedTuple):
@@ -32,7 +32,7 @@ class Beam(NamedTuple):
     @property
     def nbytes(self) -> int:
         """Bytes of the links."""
-        return self.exchange.nbytes + 8 * len(self.source)
+        return 2 * self.exchange.size + 12 * len(self.source)
 
 
 class Routes(Protocol):
@@ -76,9 +76,8 @@ class RoutesInMemory:
             links = route.links
             for low in range(0, len(route.rows), BLOCK):
                 rows = route.rows[low : low + BLOCK]
-                exchange = links.exchange[rows]
-                if route.reverse:
-                    exchange = np.ascontiguousarray(exchange.transpose(0, 2, 1))
+                steps = links.steps[rows]
+                exchange = exchanged(np.ascontiguousarray(steps.transpose(0, 2, 1)) if route.reverse else steps, links.scale[rows])
                 source, receiver = (links.a, links.b) if route.reverse else (links.b, links.a)
                 yield _beam(place[source[rows]] - start, place[receiver[rows]], exchange)
 
@@ -98,7 +97,7 @@ class RoutesOnDisk:
         for table, start in self._stretches:
             for low in range(start[emitter], start[emitter + 1], BLOCK):
                 links = table[low : min(low + BLOCK, start[emitter + 1])]
-                yield _beam(links["source"].copy(), links["receiver"].copy(), np.ascontiguousarray(links["exchange"]))
+                yield _beam(links["source"].copy(), links["receiver"].copy(), exchanged(links["steps"], links["scale"]))
 
 
 def _beam(source: np.ndarray, receiver: np.ndarray, exchange: np.ndarray) -> Beam:
@@ -107,7 +106,7 @@ def _beam(source: np.ndarray, receiver: np.ndarray, exchange: np.ndarray) -> Bea
 
 
 def _sorted(group: list[LinkSet], way: int, emitters: Emitters, allocate: Allocate) -> tuple[np.ndarray, np.ndarray]:
-    """A table (n,) of links with source, receiver and exchange, sorted by emitter and receiver, and (U + 1,) where emitters begin.
+    """A table (n,) of links with source, receiver, scale and steps, sorted by emitter and receiver, and (U + 1,) where emitters begin.
 
     The links are dealt out to their emitters first and sorted by receiver then: no more than a block of them is in memory.
     """
@@ -118,10 +117,10 @@ def _sorted(group: list[LinkSet], way: int, emitters: Emitters, allocate: Alloca
         source = part.a if way else part.b
         count += np.bincount(emitters.of(emitters.place[source]), minlength=len(emitters))
     start = np.r_[0, np.cumsum(count)]
-    table = allocate(int(start[-1]), np.dtype([("source", "<i4"), ("receiver", "<i4"), ("exchange", "<f4", nodes)]))
+    table = allocate(int(start[-1]), np.dtype([("source", "<i4"), ("receiver", "<i4"), ("scale", "<f4"), ("steps", "<u2", nodes)]))
     used = start[:-1].copy()
     for part in blocks(group):
-        source, receiver, exchange = list(directions(part))[way]
+        source, receiver, steps = (part.a, part.b, part.steps.transpose(0, 2, 1)) if way else (part.b, part.a, part.steps)
         place = emitters.place[source]
         emitter = emitters.of(place)
         order = np.argsort(emitter, kind="stable")
@@ -132,7 +131,8 @@ def _sorted(group: list[LinkSet], way: int, emitters: Emitters, allocate: Alloca
         rows = np.empty(len(order), table.dtype)
         rows["source"] = place[order] - emitters.start[emitter]
         rows["receiver"] = emitters.place[receiver[order]]
-        rows["exchange"] = exchange[order]
+        rows["scale"] = part.scale[order]
+        rows["steps"] = steps[order]
         table[to] = rows
     # Emitters of few links are sorted together.
     low = 0

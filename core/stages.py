@@ -14,7 +14,7 @@ from .building import Building, doors_of, items_of
 from .clustering import Clusters
 from .elements import Forest
 from .emitters import Emitters
-from .links import LinkCollector, LinkSet, by_shape
+from .links import ARRAYS, LinkCollector, LinkSet, by_shape
 from .options import Options
 from .progress import Progress
 from .quality import Tolerances
@@ -152,7 +152,7 @@ def linked_before(building: Building, options: Options, desk: Workspace) -> Link
         return None
     arrays, facts, space = saved.arrays(), saved.facts, desk.space
     forest = forest_of(building.regions, options.order, arrays, space.zeros, space.breathe)
-    sets = [LinkSet(*(arrays[f"{name}-{k}"] for name in ("a", "b", "exchange")), two_way) for k, two_way in enumerate(facts["two_way"])]
+    sets = [LinkSet(*(arrays[f"{name}-{k}"] for name in ARRAYS), two_way) for k, two_way in enumerate(facts["two_way"])]
     desk.clock.lap("light", facts["light_seconds"])
     desk.clock.lap("link", facts["seconds"])
     counts = facts["dropped"], facts["segment_tests"], facts["shadow_tests"]
@@ -172,7 +172,7 @@ def link(building: Building, lit: Lit, limits: Tolerances, desk: Workspace) -> G
     lost = escape.lost_share(building, forest, desk.crew)
     seconds = clock.lap("link")
     groups = by_shape(made.links)
-    sets = {f"{name}-{k}": [getattr(s, name) for s in group] for k, group in enumerate(groups) for name in ("a", "b", "exchange")}
+    sets = {f"{name}-{k}": [getattr(s, name) for s in group] for k, group in enumerate(groups) for name in ARRAYS}
     facts = {
         "two_way": [group[0].two_way for group in groups], "dropped": made.dropped, "segment_tests": int(made.segment_tests),
         "shadow_tests": lit.tests, "lit": len(lit.light), "seconds": seconds, "light_seconds": clock.seconds["light"],
@@ -200,7 +200,7 @@ def light_of_group(building: Building, linked: Linked, kinds: Any, turn: Turn, d
 
 def routes_of(links: list[LinkSet], emitters: Emitters, space: Space) -> Routes:
     """The links by emitter, in memory if they fit."""
-    if space.fits(sum(group.exchange.nbytes + group.a.nbytes + group.b.nbytes for group in links)):
+    if space.fits(sum(group.nbytes for group in links)):
         return RoutesInMemory(links, emitters)
     return RoutesOnDisk(links, emitters, space.zeros)
 

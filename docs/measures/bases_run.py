@@ -50,7 +50,7 @@ def main(name: str, order: int, step: float) -> dict:
         started = cpu_seconds()
         light = light_of(solved.solution, bench.scene.points, way)
         ways[way] = {"cpu_seconds": seconds + cpu_seconds() - started, "score": bench.score(light)}
-    links = sum(group.exchange.nbytes + group.a.nbytes + group.b.nbytes for group in solved.links)
+    links = sum(group.nbytes for group in solved.links)
     # What every element holds of light while it is shot: at its nodes twice, and its coefficients, in three channels of float32.
     forest = solved.forest
     each = 12 * (2 * forest.functions + forest.node_count + 1) + forest.nodes[0].nbytes + forest.node_weights[0].nbytes

@@ -316,7 +316,7 @@ def test_the_light_that_passes_a_door_is_that_of_its_area():
 def some_links(seed, n, shape, two_way, elements):
     rng = np.random.default_rng(seed)
     a, b = rng.integers(0, elements, (2, n)).astype(np.int32)
-    return LinkSet(a, b, rng.random((n, *shape)).astype(np.float32), two_way)
+    return LinkSet.of(a, b, rng.random((n, *shape)).astype(np.float32), two_way)
 
 
 def plain_received(forest, sets, exitance):
