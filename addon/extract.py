@@ -16,6 +16,7 @@ import numpy as np
 
 from ..core.corners import corner_faces, face_area_vectors
 from ..core.enclosure import UNDECIDED, Walls, enclosing_room
+from ..core.face_grids import FaceGrids, cut
 from ..core.faces import PlanarFaces, planar_faces
 from ..core.grouping import ragged
 from ..core.lamps import joined_suns
@@ -26,6 +27,7 @@ from .light_groups import light_groups
 from .membership import Membership, everything_evaluated, membership
 from .mesh_arrays import MeshArrays, read_mesh, same_topology
 from .palette import Palette
+from .screens import CELLS, SMALL, Screens, cell_emission, cells_of
 from .world import read_world
 
 STEP = 1e-3
@@ -40,7 +42,8 @@ class Receiver:
     """A mesh object that can carry light (its F faces, C corners and T triangles as in ``mesh``).
 
     name : of the object;  mesh : its evaluated mesh, metres
-    triangle_polygon : (T,) int64, polygon of the scene that each triangle lies in, -1 for none
+    triangle_polygon : (T,) int64, polygon of the scene that each triangle lies in, -1 for none; of a grid the first cell
+    grids : the polygons of the scene that were cut into grids
     room : the room of most of its area;  in_place : its own mesh has the same faces as the evaluated one
     modified_by : names of the modifiers
     """
@@ -48,6 +51,7 @@ class Receiver:
     name: str
     mesh: MeshArrays
     triangle_polygon: np.ndarray
+    grids: FaceGrids | None
     room: int
     in_place: bool
     modified_by: str
@@ -67,7 +71,7 @@ class Extraction:
 class Part:
     """One object or instance: its faces as P planar polygons. ``owner`` is what makes the instance, or the object itself.
 
-    reflectance : (P, 3);  emission : (P, 3), W/m2
+    reflectance : (P, 3);  emission : (P, 3), W/m2;  screens : those of them that shine by an image, where any do
     """
 
     name: str
@@ -78,6 +82,7 @@ class Part:
     faces: PlanarFaces
     reflectance: np.ndarray
     emission: np.ndarray
+    screens: Screens | None
     receiver: bool
     in_place: bool
 
@@ -117,14 +122,16 @@ def extract(context: bpy.types.Context, refuse: Callable[[str], None] = refuse_a
     lamps = replace(lamps, suns=joined_suns(lamps.suns, suns), sky=sky)
     starts = np.cumsum([0] + [len(part.faces.face) for part in parts])
     area = np.linalg.norm(face_area_vectors(built.vertices, built.corner_vertex, built.loop_start), axis=1)
+    gridded, source, grids = _gridded(built, parts, starts)
     receivers = []
     for part, start, end in zip(parts, starts[:-1], starts[1:], strict=True):
         if part.receiver and end > start:
             share = np.bincount(room[start:end], area[start:end], len(found.room_names))
             polygon = np.where(part.faces.triangle_polygon >= 0, part.faces.triangle_polygon + start, -1)
             modifiers = ", ".join(m.name for m in part.thing.modifiers)
-            receivers.append(Receiver(part.thing.name, part.mesh, polygon, int(share.argmax()), part.in_place, modifiers))
+            receivers.append(Receiver(part.thing.name, part.mesh, polygon, grids, int(share.argmax()), part.in_place, modifiers))
     _warn_of_inverted_shells(built, parts, room, warnings)
+    built, room = gridded, room[source]
     checked, findings = check(
         Scene(
             name=scene.name,
@@ -196,7 +203,8 @@ def _part(evaluated, matrix, name, thing, owner, rooms, scale, palette) -> Part 
         evaluated.to_mesh_clear()
     faces = planar_faces(arrays.position, arrays.corner_vertex, arrays.face_start, arrays.triangle, arrays.triangle_face)
     reflectance, emission = palette.colors(arrays, faces, surfaces)
-    return Part(name, thing, owner, rooms, arrays, faces, reflectance, emission, False, in_place)
+    screens = palette.screens(arrays, faces, surfaces, emission)
+    return Part(name, thing, owner, rooms, arrays, faces, reflectance, emission, screens, False, in_place)
 
 
 @dataclass(frozen=True)
@@ -235,6 +243,37 @@ def assemble(parts: list[Part]) -> Built:
         np.concatenate(emission),
         np.concatenate(owner),
     )
+
+
+def _gridded(built: Built, parts: list[Part], starts: np.ndarray) -> tuple[Built, np.ndarray, FaceGrids | None]:
+    """The polygons with those cut that shine unevenly, (P,) which one each was before, and the grids."""
+    same = np.arange(len(built.object))
+    lit = [(part, start) for part, start in zip(parts, starts, strict=False) if part.screens is not None]
+    total = sum(part.screens.total for part, _ in lit)
+    chosen, emission = [np.zeros(0, np.int64)], [np.zeros((0, CELLS, CELLS, 3))]
+    for part, start in lit:
+        bright = np.flatnonzero(part.screens.power > SMALL * total)
+        chosen.append(start + part.screens.polygon[bright])
+        # Loops that are read backwards begin at the other end of the second side.
+        emission.append(part.screens.emission[bright, :, :: -1 if part.mesh.mirrored else 1])
+    polygon, fine = np.concatenate(chosen), np.concatenate(emission)
+    cells = cells_of(fine)
+    polygon, fine, cells = polygon[cells > 1], fine[cells > 1], cells[cells > 1]
+    if not len(polygon):
+        return built, same, None
+    corner = built.corner_vertex[built.loop_start[polygon][:, None] + np.arange(4)]
+    grids, corners, number = cut(built.vertices[corner], polygon, cells, len(same))
+    base, order = len(built.vertices), np.argsort(number, kind="stable")
+    order = order[number[order] >= len(same)]
+    corner_vertex = np.append(built.corner_vertex, np.zeros(4 * len(order), np.int32))
+    loop_start = np.append(built.loop_start, built.loop_start[-1] + 4 * np.arange(1, len(order) + 1))
+    corner_vertex[loop_start[number][:, None] + np.arange(4)] = base + np.arange(4 * len(number)).reshape(-1, 4)
+    source = np.append(same, np.repeat(polygon, cells**2)[order])
+    shining = built.emission[source]
+    for n in np.unique(cells):
+        shining[number[np.repeat(cells == n, cells**2)]] = cell_emission(fine[cells == n], int(n)).reshape(-1, 3)
+    vertices = np.concatenate([built.vertices, corners.reshape(-1, 3)])
+    return Built(vertices, corner_vertex, loop_start, built.reflectance[source], shining, built.object[source]), source, grids
 
 
 @dataclass(frozen=True)

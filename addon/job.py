@@ -153,7 +153,7 @@ def task(reading: Reading) -> Task:
         reading.extraction.scene,
         reading.solving,
         reading.bake,
-        tuple(Carrier(m.position, m.corner_vertex, m.face_start, m.sharp, m.triangle, r.triangle_polygon) for m, r in pairs),
+        tuple(Carrier(m.position, m.corner_vertex, m.face_start, m.sharp, m.triangle, r.triangle_polygon, r.grids) for m, r in pairs),
         tuple(r.name for r in reading.receivers),
         tuple(r.room for r in reading.receivers),
     )

@@ -3,16 +3,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import bpy
 import numpy as np
 
 from ..core.charts import coplanar_faces
 from ..core.corners import face_area_vectors
+from ..core.face_grids import parallelograms
 from ..core.faces import PlanarFaces
 from ..core.patch_means import patch_means
 from ..core.picture_sums import PictureSums
 from .mesh_arrays import MeshArrays
 from .pictures import Texture, shown, sums_of
+from .screens import CELLS, SMALL, Screens
 from .shading import Layer, Surface, read_material
 
 EMITTING_CELLS = 8
@@ -52,21 +56,54 @@ class Palette:
             if len(own) and (surface.reflecting or surface.emitting):
                 around = _Polygons(mesh, faces, own)
                 if surface.reflecting:
-                    value = np.clip(self._painted(around, surface.reflecting, surface.reflectance), 0.0, 1.0)
-                    reflectance[own] = around.gathered(value, REFLECTING_CELLS, REFLECTANCE_TOLERANCE)
+                    value = self._painted(mesh, surface.reflecting, surface.reflectance, around.uv, around.mean)
+                    reflectance[own] = around.gathered(np.clip(value, 0.0, 1.0), REFLECTING_CELLS, REFLECTANCE_TOLERANCE)
                 if surface.emitting:
-                    value = np.maximum(self._painted(around, surface.emitting, surface.emission), 0.0)
+                    value = np.maximum(self._painted(mesh, surface.emitting, surface.emission, around.uv, around.mean), 0.0)
                     scale = max(float(value.max()), 1e-300)
                     emission[own] = scale * around.gathered(value / scale, EMITTING_CELLS, EMISSION_TOLERANCE)
         return reflectance, emission
 
-    def _painted(self, around: _Polygons, layers: tuple[Layer, ...], whole: np.ndarray) -> np.ndarray:
-        """(p, 3) colours of polygons whose mean is ``whole`` where the whole of each image is taken."""
-        out = np.tile(whole, (len(around.own), 1))
+    def screens(self, mesh: MeshArrays, faces: PlanarFaces, surfaces: list[Surface], emission: np.ndarray) -> Screens | None:
+        """The quads of a mesh that shine by an image, where any do, without those that hardly count; ``emission`` (P, 3) as found."""
+        slot = np.clip(mesh.material[faces.face], 0, len(surfaces) - 1)
+        painted = np.array([bool(s.emitting) for s in surfaces])[slot]
+        if not painted.any():
+            return None
+        power = np.where(painted, emission.sum(axis=1) * _areas(mesh, faces), 0.0)
+        total = float(power.sum())
+        quad = np.flatnonzero((np.diff(faces.start) == 4) & (power > SMALL * total))
+        corner = faces.corner[faces.start[quad][:, None] + np.arange(4)]
+        good = parallelograms(mesh.position[mesh.corner_vertex[corner]])
+        quad, corner = quad[good], corner[good]
+        fine = np.zeros((len(quad), CELLS**2, 3))
+        for number, surface in enumerate(surfaces):
+            own = np.flatnonzero(slot[quad] == number)
+            if len(own) and surface.emitting:
+                lattice = _Lattice(corner[own])
+                value = self._painted(mesh, surface.emitting, surface.emission, lattice.uv, lattice.mean)
+                fine[own] = np.broadcast_to(np.maximum(value, 0.0), (len(own) * CELLS**2, 3)).reshape(len(own), -1, 3)
+        return Screens(quad, power[quad], total, fine.reshape(-1, CELLS, CELLS, 3))
+
+    def _painted(
+        self,
+        mesh: MeshArrays,
+        layers: tuple[Layer, ...],
+        whole: np.ndarray,
+        triangles: Callable[[np.ndarray], np.ndarray],
+        mean: Callable[[np.ndarray], np.ndarray],
+    ) -> np.ndarray:
+        """(p, 3) colours whose mean is ``whole`` where the whole of each image is taken; that alone, (3,), where there is no UV map.
+
+        triangles : makes (T, 3, 2) out of the (C, 2) of a UV map;  mean : (p, 4) out of the (T, 4) means over these
+        """
+        out = whole
         for layer in layers:
-            uv = around.mesh.uv.get(layer.texture.uv_map)
+            uv = mesh.uv.get(layer.texture.uv_map)
             if uv is not None:
-                out += layer.factor * (around.means(uv, layer.texture, self._sums_of(layer.texture)) - layer.mean)
+                turn = layer.texture.turn
+                found = mean(self._sums_of(layer.texture).means(triangles(uv) @ turn[:, :2].T + turn[:, 2]))
+                out = out + layer.factor * (shown(found, layer.texture.cut_out) - layer.mean)
         return out
 
     def _sums_of(self, texture: Texture) -> PictureSums:
@@ -89,21 +126,50 @@ class _Polygons:
         at = mesh.position[mesh.corner_vertex[mesh.triangle[self._triangle]]]
         self._area = 0.5 * np.linalg.norm(np.cross(at[:, 1] - at[:, 0], at[:, 2] - at[:, 0]), axis=1)
 
-    def means(self, uv: np.ndarray, texture: Texture, sums: PictureSums) -> np.ndarray:
-        """(p, 3) mean colours of a texture over each; ``uv`` (C, 2)."""
-        place = uv[self.mesh.triangle[self._triangle]] @ texture.turn[:, :2].T + texture.turn[:, 2]
-        mean = sums.means(place)
+    def uv(self, uv: np.ndarray) -> np.ndarray:
+        """(T, 3, 2) coordinates of the triangles in a UV map (C, 2)."""
+        return uv[self.mesh.triangle[self._triangle]]
+
+    def mean(self, mean: np.ndarray) -> np.ndarray:
+        """(p, c) means over the polygons of means (T, c) over the triangles."""
         total = [np.bincount(self._polygon, self._area * channel, len(self.own)) for channel in mean.T]
         area = np.bincount(self._polygon, self._area, len(self.own))
-        return shown(np.stack(total, axis=1) / np.maximum(area, 1e-300)[:, None], texture.cut_out)
+        return np.stack(total, axis=1) / np.maximum(area, 1e-300)[:, None]
 
     def gathered(self, value: np.ndarray, cells: int, tolerance: float) -> np.ndarray:
-        """(p, 3) values (p, 3), fewer of them: see :func:`patch_means`."""
+        """(p, 3) values (p, 3) or (3,), fewer of them: see :func:`patch_means`."""
         mesh, faces = self.mesh, self.faces
-        area = np.linalg.norm(face_area_vectors(mesh.position, mesh.corner_vertex[faces.corner], faces.start), axis=1)[self.own]
+        area = _areas(mesh, faces)[self.own]
         patch = coplanar_faces(mesh.position, mesh.corner_vertex, mesh.face_start)[faces.face]
         bent = np.bincount(faces.face, minlength=len(mesh.face_start))[faces.face] > 1
         patch = np.where(bent, len(mesh.face_start) + np.arange(len(patch)), patch)[self.own]
         patch = np.unique(patch, return_inverse=True)[1].reshape(-1)
         at = mesh.position[mesh.corner_vertex[faces.corner[faces.start[:-1][self.own]]]]
+        value = np.broadcast_to(value, (len(area), 3))
         return patch_means(value, area, patch, at, cells, np.full(int(patch.max()) + 1, tolerance))
+
+
+class _Lattice:
+    """The cells of quads, whose corners are ``corner`` (p, 4)."""
+
+    def __init__(self, corner: np.ndarray):
+        self._corner = corner
+
+    def uv(self, uv: np.ndarray) -> np.ndarray:
+        """(T, 3, 2) coordinates of the halves of the cells in a UV map (C, 2)."""
+        at = uv[self._corner]
+        s, t = (x[None, :, :, None] for x in np.meshgrid(*2 * [np.arange(CELLS + 1) / CELLS], indexing="ij"))
+        a, b, c, d = (at[:, k, None, None] for k in range(4))
+        knots = (1 - s) * ((1 - t) * a + t * d) + s * ((1 - t) * b + t * c)
+        low, right, high, left = knots[:, :-1, :-1], knots[:, 1:, :-1], knots[:, 1:, 1:], knots[:, :-1, 1:]
+        halves = np.stack([low, right, high, low, high, left], axis=3)
+        return halves.reshape(-1, 3, 2)
+
+    def mean(self, mean: np.ndarray) -> np.ndarray:
+        """(p * cells, c) means over the cells of means (T, c) over their halves."""
+        return mean.reshape(-1, 2, mean.shape[1]).mean(axis=1)
+
+
+def _areas(mesh: MeshArrays, faces: PlanarFaces) -> np.ndarray:
+    """(P,) m2 of the polygons."""
+    return np.linalg.norm(face_area_vectors(mesh.position, mesh.corner_vertex[faces.corner], faces.start), axis=1)

@@ -14,6 +14,7 @@ import numpy as np
 
 from .charts import Layout, coplanar_faces, cover_texels, fill_margin, make_charts, pack
 from .corners import average_groups, corner_angles, corner_faces, linked_corners, next_corner
+from .face_grids import FaceGrids
 from .photometry import stored_quantity
 from .scene import Scene, SceneError
 from .subdivision import subdivide
@@ -39,6 +40,7 @@ class Carrier:
     position : (V, 3) float64, metres;  corner_vertex : (C,) int;  face_start : (F + 1,) int
     sharp : (C,) bool, the edge from a corner to the next is hard
     triangle : (T, 3) int, corners;  triangle_polygon : (T,) int, polygon of the scene that each lies in, -1 for none
+    grids : the polygons of the scene that were cut, where any were, the same for all carriers
     """
 
     position: np.ndarray
@@ -47,6 +49,12 @@ class Carrier:
     sharp: np.ndarray
     triangle: np.ndarray
     triangle_polygon: np.ndarray
+    grids: FaceGrids | None = None
+
+    def polygon_at(self, triangle: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """(N,) the polygons of the scene at points (N, 3) of triangles (N,), -1 for none."""
+        polygon = self.triangle_polygon[triangle].astype(np.int64)
+        return polygon if self.grids is None else self.grids.at(polygon, points)
 
     @property
     def corner_position(self) -> np.ndarray:
@@ -93,6 +101,7 @@ def refined(coarse: Carrier, limit: float) -> FineCarrier:
         marked.reshape(-1),
         np.arange(3 * count).reshape(-1, 3),
         coarse.triangle_polygon[fine.parent],
+        coarse.grids,
     )
     return FineCarrier(carrier, fine.parent, fine.weight.reshape(-1, 3))
 
@@ -115,7 +124,7 @@ class CornerItem:
         """(N, 3) points and (N,) polygons at which irradiance is wanted: one for coplanar faces around a vertex."""
         mesh = self.carrier
         corner = mesh.triangle.reshape(-1).astype(np.int64)
-        polygon = np.repeat(mesh.triangle_polygon, 3).astype(np.int64)
+        polygon = mesh.polygon_at(np.repeat(np.arange(len(mesh.triangle)), 3), mesh.corner_position[corner])
         known = np.flatnonzero(polygon >= 0)
         plane = coplanar_faces(mesh.position, mesh.corner_vertex, mesh.face_start)[corner_faces(mesh.face_start)]
         # A bent face is several polygons: a corner that two of them share is asked for in both.
@@ -149,7 +158,7 @@ class CornerItem:
         distance = np.linalg.norm(places - at[sample][:, None, None], axis=3)
         count = places.shape[1] * places.shape[2]
         places, owner = places.reshape(-1, 3), np.repeat(sample, count)
-        face = np.repeat(mesh.triangle_polygon[triangle], count)
+        face = mesh.polygon_at(np.repeat(triangle, count), places)
         open_ = np.flatnonzero((distance.reshape(-1) > 0) & light.shows(places, face))
         open_ = open_[np.lexsort((distance.reshape(-1)[open_], owner[open_]))]
         moved, first = np.unique(owner[open_], return_index=True)
@@ -248,8 +257,11 @@ class PageItem:
         wide = np.abs(edge[:, 0] * other[:, 1] - edge[:, 1] * other[:, 0]) > 1e-12
         flat, solid, polygon = flat[wide], solid[wide], polygon[wide]
         found = cover_texels(flat, page.width, page.height)
+        at = np.einsum("ni,nij->nj", found.weight, solid[found.triangle])
+        grids = chosen[0].grids
         self._index, self._polygon = found.index, polygon[found.triangle]
-        return np.einsum("ni,nij->nj", found.weight, solid[found.triangle]), self._polygon
+        self._polygon = self._polygon if grids is None else grids.at(self._polygon, at)
+        return at, self._polygon
 
     def finish(self, irradiance: np.ndarray, scene: Scene) -> np.ndarray:
         """(H, W, 4) float32 image, row 0 at the bottom, alpha 1."""

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from enfilade.core.corners import face_area_vectors
 
 STRENGTH = 5.0
 
@@ -70,7 +71,11 @@ HALVES = np.repeat([[0.0, 1.0]], 4, axis=0).repeat(2, axis=1)
 def test_each_face_emits_the_mean_of_what_it_shows(screens):
     material, _ = screens.material(screens.image(HALVES))
     screens.quads([part(0, 0.5), part(0.5, 1), part(0.25, 0.75)], material)
-    assert screens.emission().sum(axis=0)[0] == pytest.approx(1.5, rel=1e-6)
+    scene = screens.shop.extract().scene
+    area = np.linalg.norm(face_area_vectors(scene.vertices, scene.corner_vertex, scene.loop_start), axis=1)
+    middle = np.array([scene.vertices[c].mean(0)[0] for c in np.split(scene.corner_vertex, scene.loop_start[1:-1])])
+    power = [(area * scene.emission[:, 0])[np.floor(middle) == k].sum() / (math.pi * STRENGTH) for k in range(3)]
+    assert power == pytest.approx([0.0, 1.0, 0.5], abs=1e-6)
 
 
 def test_a_dark_and_a_bright_half(screens):
@@ -119,14 +124,14 @@ def test_a_mapping_node_moves_the_image(screens, kind, values, expected):
     tree.links.new(place.outputs["UV"], mapping.inputs["Vector"])
     tree.links.new(mapping.outputs[0], node.inputs["Vector"])
     screens.quads([part(0, 0.5)], material)
-    assert screens.emission() == pytest.approx(expected, abs=1e-6)
+    assert screens.emission().mean() == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.parametrize(("extension", "expected"), [("REPEAT", 0.5), ("MIRROR", 0.5), ("EXTEND", 1.0), ("CLIP", 0.0)])
 def test_beyond_its_border_an_image_goes_on_as_the_node_says(screens, extension, expected):
     material, _ = screens.material(screens.image(HALVES), extension=extension)
     screens.quads([part(3, 4)], material)
-    assert screens.emission() == pytest.approx(expected, abs=1e-9)
+    assert screens.emission().mean() == pytest.approx(expected, abs=1e-9)
 
 
 def test_a_face_shows_colours(screens):
@@ -167,3 +172,91 @@ def test_a_mesh_without_the_map_takes_the_mean(screens):
     thing = screens.quads([part(0, 0.5)], material)
     thing.data.uv_layers.remove(thing.data.uv_layers[0])
     assert screens.emission() == pytest.approx(0.5)
+
+
+def gradient(n=64):
+    """Dark at the left, bright at the right."""
+    return np.tile((np.arange(n) + 0.5) / n, (n, 1))
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_an_uneven_screen_is_cut_into_cells(screens, mirrored):
+    """Every cell has the mean of what it shows, at its place, with the front where it was."""
+    material, _ = screens.material(screens.image(gradient()), interpolation="Linear", extension="EXTEND")
+    thing = screens.quads([part(0, 1)], material)
+    thing.scale.y = -1 if mirrored else 1
+    scene = screens.shop.extract().scene
+    assert scene.polygon_count == 16
+    corners = scene.vertices[scene.corner_vertex].reshape(16, 4, 3)
+    vector = 0.5 * np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    assert vector == pytest.approx(np.tile([0, 0, -1 / 16], (16, 1)))
+    expected = corners.mean(axis=1)[:, 0]
+    assert scene.emission[:, 0] / (math.pi * STRENGTH) == pytest.approx(expected, abs=0.02)
+    assert scene.emission[:, 0].mean() / (math.pi * STRENGTH) == pytest.approx(0.5, rel=1e-3)
+    assert (scene.object == 0).all()
+    assert scene.reflectance == pytest.approx(0.2)
+
+
+def test_both_directions_of_a_picture_lie_right(screens):
+    rng = np.random.default_rng(3)
+    pixels = rng.random((8, 8))
+    material, _ = screens.material(screens.image(pixels))
+    for mirrored in (False, True):
+        thing = screens.quads([part(0, 1)], material)
+        thing.scale.y = -1 if mirrored else 1
+        scene = screens.shop.extract().scene
+        middle = scene.vertices[scene.corner_vertex].reshape(64, 4, 3).mean(axis=1)
+        row, column = np.floor(8 * np.abs(middle[:, 1])).astype(int), np.floor(8 * middle[:, 0]).astype(int)
+        assert scene.emission[:, 0] / (math.pi * STRENGTH) == pytest.approx(pixels[row, column], abs=0.021)
+        screens.bpy.data.objects.remove(thing)
+
+
+def test_a_screen_is_cut_no_finer_than_it_shows(screens):
+    coarse = np.kron([[0.0, 1.0], [0.5, 0.0]], np.ones((8, 8)))
+    for pixels, cells in ((np.ones((4, 4)), 1), (coarse, 4), (0.5 + 0.02 * gradient(), 1)):
+        material, _ = screens.material(screens.image(pixels))
+        thing = screens.quads([part(0, 1)], material)
+        assert screens.shop.extract().scene.polygon_count == cells
+        screens.bpy.data.objects.remove(thing)
+
+
+def test_faces_that_hardly_count_stay_whole(screens):
+    material, _ = screens.material(screens.image(gradient()))
+    thing = screens.quads([part(0, 1)], material)
+    small = thing.copy()
+    screens.bpy.context.scene.collection.objects.link(small)
+    small.location, small.scale = (3, 0, 0), (0.05, 0.05, 0.05)
+    assert screens.shop.extract().scene.polygon_count == 17
+
+
+@pytest.mark.parametrize("target", ["vertex", "texture"])
+def test_a_screen_carries_its_own_light_where_it_is(screens, target):
+    """The four corners of a screen that is dark on one side: each with the emission of its own cell, and the light of its place."""
+    shop = screens.shop
+    material, _ = screens.material(screens.image(HALVES))
+    thing = screens.quads([part(0, 1)], material)
+    shop.bake(target=target, quantity="radiosity", **({"texel_density": 16.0} if target == "texture" else {}))
+    light = lambda at: 0.2 * shop.light(at) / math.pi  # noqa: E731
+    if target == "vertex":
+        at = shop.corners(thing)
+        expected = light(at) + STRENGTH * (at[:, :1] > 0.5)
+        assert shop.colors(thing)[:, :3] == pytest.approx(expected, rel=1e-5)
+    else:
+        image = shop.pixels(shop.bpy.data.images["Enfilade Screen"])
+        uv = shop.lightmap(thing) * (image.shape[1], image.shape[0])
+        low, high = np.floor(uv.min(0)).astype(int), np.floor(uv.max(0)).astype(int)
+        inside = image[low[1] : high[1], low[0] : high[0], 0]
+        assert (inside > STRENGTH).mean() == pytest.approx(0.5, abs=0.04)
+        assert ((inside < 10) & (inside > 0.2 * 20 * 0.3 / math.pi)).all()
+
+
+def test_subdivided_copies_show_the_cells(screens):
+    shop = screens.shop
+    material, _ = screens.material(screens.image(HALVES))
+    screens.quads([part(0, 1)], material)
+    shop.bake(quantity="radiosity", subdivide=0.11)
+    copy = next(o for o in shop.bpy.context.scene.objects if o.enfilade.carries is not None)
+    at = shop.corners(copy)
+    far = np.abs(at[:, 0] - 0.5) > 0.01
+    shining = shop.colors(copy)[:, 0] - 0.2 * shop.light(at)[:, 0] / math.pi
+    assert shining[far] == pytest.approx(STRENGTH * (at[far, 0] > 0.5), abs=1e-4)
