@@ -93,9 +93,8 @@ def _object(thing: bpy.types.Object, seen: dict) -> bytes:
         parts += [np.array(matrix, np.float32).tobytes() for matrix in (holder.matrix_basis, holder.matrix_parent_inverse)]
         parts += [_plain(constraint) for constraint in holder.constraints]
         holder = holder.parent
-    parts.append(
-        repr((tags.by_hand, _name(tags.behind), _name(tags.in_front), tags.transmittance, _name(thing.instance_collection))).encode()
-    )
+    own = (tags.by_hand, _name(tags.behind), _name(tags.in_front), tags.transmittance, tags.texel_scale)
+    parts.append(repr((*own, _name(thing.instance_collection))).encode())
     parts += [_plain(modifier) for modifier in thing.modifiers]
     if thing.data is not None:
         parts.append(_once(thing.data, seen))

@@ -178,6 +178,16 @@ class ENFILADE_PG_object(bpy.types.PropertyGroup):
         max=1.0,
         subtype="FACTOR",
     )
+    texel_scale: bpy.props.FloatProperty(
+        name="Texel Scale",
+        description="Texels per metre of this object in textures, as a multiple of Texel Density: more where one comes close, "
+        "less where nobody does",
+        default=1.0,
+        min=0.01,
+        max=100.0,
+        soft_min=0.125,
+        soft_max=8.0,
+    )
     carries: bpy.props.PointerProperty(
         type=bpy.types.Object, options={"HIDDEN"}, description="The object that this subdivided copy stands for"
     )

@@ -104,7 +104,12 @@ class ENFILADE_PT_object(bpy.types.Panel):
             column.prop(thing.enfilade, "behind")
             column.prop(thing.enfilade, "in_front")
             layout.prop(thing.enfilade, "transmittance")
-        elif not thing.enfilade.left_out and thing not in rendered_objects(context.view_layer):
+            return
+        if thing.type == "MESH":
+            row = layout.row()
+            row.active = not thing.enfilade.left_out and context.scene.enfilade.bake.target == "texture"
+            row.prop(thing.enfilade, "texel_scale")
+        if not thing.enfilade.left_out and thing not in rendered_objects(context.view_layer):
             note = layout.row()
             note.active = False
             note.label(text="Not visible in renders: takes no part", icon="INFO")

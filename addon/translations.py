@@ -33,6 +33,7 @@ GERMAN = {
     (ANY, "Left Out"): "Ausgelassen",
     (ANY, "Rooms by Hand"): "Räume von Hand",
     (ANY, "Glass"): "Glas",
+    (ANY, "Texel Scale"): "Texeldichte (Faktor)",
     (OPERATOR, "Light Report"): "Lichtbericht",
     (ANY, "Light Report"): "Lichtbericht",
     (ANY, "Daylight Factor"): "Tageslichtquotient",

@@ -69,6 +69,7 @@ CHANGES = {
     "quality": lambda shop, made: setattr(shop.bpy.context.scene.enfilade.solve, "quality", "fine"),
     "unit": lambda shop, made: setattr(shop.bpy.context.scene.unit_settings, "scale_length", 0.5),
     "role": lambda shop, made: setattr(shop.bpy.data.collections["East"].enfilade, "role", "IGNORED"),
+    "texel scale": lambda shop, made: setattr(made["Lamp"].enfilade, "texel_scale", 0.5),
     "left out": lambda shop, made: setattr(made["Lamp"].enfilade, "left_out", True),
     "flipped": lambda shop, made: made["West"].data.flip_normals(),
     "parent": lambda shop, made: (
