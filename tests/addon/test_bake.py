@@ -279,6 +279,22 @@ def test_textures_show_the_light_everywhere(shop, atlas):
                 assert got == pytest.approx(expected, rel=2e-5)
 
 
+@pytest.mark.parametrize("atlas", ["object", "room"])
+def test_objects_have_texels_of_their_own_scale(shop, atlas):
+    made = shop.two_rooms()
+    made["West"].enfilade.texel_scale = 2.0
+    made["Lamp"].enfilade.texel_scale = 0.5
+    shop.bake(target="texture", texel_density=8.0, atlas=atlas)
+    for name, density in (("West", 16.0), ("Lamp", 4.0), ("East", 8.0)):
+        thing = made[name]
+        room = "East" if name == "East" else "West"
+        image = shop.bpy.data.images[f"Enfilade {room if atlas == 'room' else thing.name}"]
+        corners, uv = shop.corners(thing), lightmap(thing) * image.size
+        for face in thing.data.polygons:
+            a, b = face.loop_start, face.loop_start + 1
+            assert np.linalg.norm(uv[b] - uv[a]) == pytest.approx(density * np.linalg.norm(corners[b] - corners[a]), rel=1e-3)
+
+
 def test_charts_of_one_texture_do_not_overlap(shop):
     shop.two_rooms()
     shop.bake(target="texture", texel_density=16.0, atlas="room", margin=1)

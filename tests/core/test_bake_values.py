@@ -1,6 +1,7 @@
 """Corner and texel values under light that is known everywhere."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -152,6 +153,7 @@ def test_a_refined_carrier_lies_in_the_coarse_one():
     assert at == pytest.approx(np.einsum("ci,cij->cj", fine.weight, mesh.corner_position[mesh.triangle[np.repeat(fine.parent, 3)]]))
     edges = np.linalg.norm(at.reshape(-1, 3, 3) - np.roll(at.reshape(-1, 3, 3), 1, axis=1), axis=2)
     assert edges.max() <= 0.3
+    assert refined(replace(mesh, texel_scale=2.0), 0.3).carrier.texel_scale == 2.0
     (color,), _ = run([CornerItem(fine.carrier, "lighting", "corner")], Ramp(10.0), scene(6))
     expected = ramp(at, np.repeat(fine.carrier.triangle_polygon, 3), 10.0) / math.pi
     assert color[:, :3] == pytest.approx(expected, rel=1e-5)
