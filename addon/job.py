@@ -37,6 +37,7 @@ class Reading:
 
     options : as the user chose them;  solving : as they are solved with, what was left open decided
     rooms : names of the rooms whose light is wanted, empty for all;  fingerprint : of the scene as it was read
+    texel_scales : of the receivers
     """
 
     scene_name: str
@@ -46,8 +47,9 @@ class Reading:
     solving: Options
     bake: BakeOptions
     warnings: tuple[str, ...]
-    rooms: tuple[str, ...] = ()
-    fingerprint: str = ""
+    rooms: tuple[str, ...]
+    fingerprint: str
+    texel_scales: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,10 @@ def read(context: bpy.types.Context, options: Options, bake: BakeOptions, rooms:
         raise SceneError("no object can carry the light: " + (warnings[-1] if warnings else "the scene has no mesh objects of its own"))
     made_from = fingerprint(context.scene, context.view_layer, options, bake)
     solving = on_this_machine(_suited(options, bake))
-    return Reading(context.scene.name, extraction, tuple(receivers), options, solving, bake, tuple(warnings), tuple(rooms), made_from)
+    # Properties are of single precision: 0.1 must not come back as 0.10000000149.
+    scales = tuple(float(f"{local_object(receiver.name).enfilade.texel_scale:.7g}") for receiver in receivers)
+    name = context.scene.name
+    return Reading(name, extraction, tuple(receivers), options, solving, bake, tuple(warnings), tuple(rooms), made_from, scales)
 
 
 def _wanted(extraction: Extraction, bake: BakeOptions, rooms: Sequence[str]) -> tuple[Receiver, ...]:
@@ -147,16 +152,21 @@ def _check_names(thing: bpy.types.Object, bake: BakeOptions) -> None:
 
 def task(reading: Reading) -> Task:
     """What there is to compute, without anything of Blender."""
-    meshes = (r.mesh for r in reading.receivers)
-    pairs = zip(meshes, reading.receivers, strict=True)
+    pairs = zip(reading.receivers, reading.texel_scales, strict=True)
     return Task(
         reading.extraction.scene,
         reading.solving,
         reading.bake,
-        tuple(Carrier(m.position, m.corner_vertex, m.face_start, m.sharp, m.triangle, r.triangle_polygon, r.grids) for m, r in pairs),
-        tuple(r.name for r in reading.receivers),
-        tuple(r.room for r in reading.receivers),
+        tuple(_carrier(receiver, scale) for receiver, scale in pairs),
+        tuple(receiver.name for receiver in reading.receivers),
+        tuple(receiver.room for receiver in reading.receivers),
     )
+
+
+def _carrier(receiver: Receiver, texel_scale: float) -> Carrier:
+    mesh = receiver.mesh
+    arrays = (mesh.position, mesh.corner_vertex, mesh.face_start, mesh.sharp, mesh.triangle, receiver.triangle_polygon, receiver.grids)
+    return Carrier(*arrays, texel_scale)
 
 
 def work(reading: Reading, run: Callable[[Scene, Options], Generator] | None = None) -> Generator[Step, None, Baked]:

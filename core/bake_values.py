@@ -41,6 +41,7 @@ class Carrier:
     sharp : (C,) bool, the edge from a corner to the next is hard
     triangle : (T, 3) int, corners;  triangle_polygon : (T,) int, polygon of the scene that each lies in, -1 for none
     grids : the polygons of the scene that were cut, where any were, the same for all carriers
+    texel_scale : it gets this many times the texels per metre of others in textures
     """
 
     position: np.ndarray
@@ -50,6 +51,7 @@ class Carrier:
     triangle: np.ndarray
     triangle_polygon: np.ndarray
     grids: FaceGrids | None = None
+    texel_scale: float = 1.0
 
     def polygon_at(self, triangle: np.ndarray, points: np.ndarray) -> np.ndarray:
         """(N,) the polygons of the scene at points (N, 3) of triangles (N,), -1 for none."""
@@ -102,6 +104,7 @@ def refined(coarse: Carrier, limit: float) -> FineCarrier:
         np.arange(3 * count).reshape(-1, 3),
         coarse.triangle_polygon[fine.parent],
         coarse.grids,
+        coarse.texel_scale,
     )
     return FineCarrier(carrier, fine.parent, fine.weight.reshape(-1, 3))
 
@@ -202,6 +205,7 @@ class Page:
     """One texture and the charts of its members.
 
     members : indices of carriers;  uv : for every member (C, 2) float64, texels (the first texel's centre is 0)
+    density : texels per metre of members whose ``texel_scale`` is 1
     """
 
     members: tuple[int, ...]
@@ -216,8 +220,9 @@ def plan_page(carriers: Sequence[Carrier], members: Sequence[int], density: floa
 
     Raises :class:`SceneError` that names the texture when no density fits.
     """
+    chosen = [carriers[m] for m in members]
     while True:
-        charts = [make_charts(carriers[m].position, carriers[m].corner_vertex, carriers[m].face_start, density) for m in members]
+        charts = [make_charts(c.position, c.corner_vertex, c.face_start, density * c.texel_scale) for c in chosen]
         layout = pack(np.concatenate([c.size for c in charts]), margin, limit)
         if layout is not None:
             return Page(tuple(members), _texture_coordinates(carriers, members, charts, layout), layout.width, layout.height, density)
