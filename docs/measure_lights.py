@@ -61,6 +61,7 @@ def cases() -> dict[str, Callable[[], object]]:
         "world colour through a window": lambda: sky(color=(0.5, 0.7, 1.0), strength=3.0),
         "world image through a window": lambda: sky(image=lambda: gradient(False)),
         "world image with a sun in it": lambda: sky(image=lambda: gradient(True)),
+        "screen with a picture": lambda: screen(),
     }
     if "exposure" in bpy.types.PointLight.bl_rna.properties:
         found |= {
@@ -107,6 +108,39 @@ def photometric(thing: bpy.types.Object) -> bpy.types.Object:
     node.inputs["Strength"].default_value = 1.0
     tree.links.new(node.outputs[0], next(n for n in tree.nodes if n.type == "EMISSION").inputs["Strength"])
     return thing
+
+
+def screen() -> None:
+    """A face beside the fine wall that shows a bright spot and a bright corner on a dim ground, with colours.
+
+    Behind it is a black case: Cycles lets faces shine from both sides.
+    """
+    room(False)
+    row, column = np.meshgrid(*2 * [(np.arange(128) + 0.5) / 128], indexing="ij")
+    spot = np.exp(-20 * ((row - 0.7) ** 2 + (column - 0.3) ** 2))
+    pixels = np.stack([0.05 + spot, 0.05 + 0.5 * spot, np.where((row < 0.3) & (column > 0.8), 3.0, 0.05), np.ones_like(row)], axis=2)
+    image = bpy.data.images.new("picture", 128, 128, float_buffer=True)
+    image.pixels.foreach_set(pixels.astype(np.float32).ravel())
+    image.update()
+    image.pack()
+    material = diffuse("Screen", (0, 0, 0))
+    tree = material.node_tree
+    tree.nodes.clear()
+    shader, output, texture = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("Emission", "OutputMaterial", "TexImage"))
+    shader.inputs["Strength"].default_value = 5.0
+    texture.image = image
+    tree.links.new(texture.outputs["Color"], shader.inputs["Color"])
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    data = bpy.data.meshes.new("Screen")
+    data.from_pydata([(3.98, 1.2, 0.9), (3.98, 1.2, 1.9), (3.98, 2.8, 1.9), (3.98, 2.8, 0.9)], [], [(0, 1, 2, 3)])
+    data.materials.append(material)
+    data.uv_layers.new(name="UVMap").uv.foreach_set("vector", np.float32([1, 0, 1, 1, 0, 1, 0, 0]))
+    vertices, faces = block((3.981, 1.2, 0.9), (4, 2.8, 1.9))
+    case = bpy.data.meshes.new("Case")
+    case.from_pydata(vertices, [], faces)
+    case.materials.append(diffuse("Black", (0, 0, 0)))
+    for part in (data, case):
+        bpy.data.collections["Room"].objects.link(bpy.data.objects.new(part.name, part))
 
 
 def sky(color=(1, 1, 1), strength: float = 1.0, image: Callable[[], bpy.types.Image] | None = None) -> None:
