@@ -1,8 +1,7 @@
 """Links: exchanges of light between pairs of surface elements, at the nodes of both.
 
 Between node x of element a and node y of element b a link holds K(x, y) V(x, y), kernel times visibility (1/m2). It is
-symmetric, so that one number carries light both ways and the exchange is reciprocal to rounding. Where the elements
-touch, the kernel is fitted to the exact polygon formula from either side: then each way has a link of its own.
+symmetric, so that one number carries light both ways and the exchange is reciprocal to rounding.
 """
 
 from __future__ import annotations
@@ -36,7 +35,6 @@ class LinkSet:
     """n links with i nodes on side a and j on side b; 1 node is the centre of gravity, else all nodes of the element.
 
     a, b : (n,) int32 elements;  steps : (n, i, j) uint16, what is exchanged between nodes in steps of ``scale`` (n,) float32, 1/m2
-    two_way : light goes from b to a, and also from a to b when True
 
     Links are most of what a solve holds. A step is 1/65,535 of the largest exchange of its link: a number of 16 bits is wrong by
     less than a hundredth of a thousandth of that, where visibility by samples leaves some hundredths.
@@ -46,14 +44,13 @@ class LinkSet:
     b: np.ndarray
     steps: np.ndarray
     scale: np.ndarray
-    two_way: bool
 
     @classmethod
-    def of(cls, a: np.ndarray, b: np.ndarray, exchange: np.ndarray, two_way: bool) -> LinkSet:
+    def of(cls, a: np.ndarray, b: np.ndarray, exchange: np.ndarray) -> LinkSet:
         """Links from exchanges (n, i, j) >= 0, 1/m2."""
         scale = (exchange.max((1, 2), initial=0) / _STEPS).astype(np.float32)
         steps = exchange / np.maximum(scale, np.finfo(np.float32).tiny)[:, None, None]
-        return cls(a, b, np.rint(np.minimum(steps, _STEPS)).astype(np.uint16), scale, two_way)
+        return cls(a, b, np.rint(np.minimum(steps, _STEPS)).astype(np.uint16), scale)
 
     @property
     def exchange(self) -> np.ndarray:
@@ -69,13 +66,13 @@ class LinkSet:
         return len(self.a)
 
     @property
-    def shape(self) -> tuple[int, int, bool]:
+    def shape(self) -> tuple[int, int]:
         """Links of one shape can stand in one set."""
-        return (*self.steps.shape[1:], self.two_way)
+        return self.steps.shape[1:]
 
     def part(self, rows: slice) -> LinkSet:
         """Some of them in turn."""
-        return LinkSet(*(getattr(self, name)[rows] for name in ARRAYS), self.two_way)
+        return LinkSet(*(getattr(self, name)[rows] for name in ARRAYS))
 
 
 def exchanged(steps: np.ndarray, scale: np.ndarray) -> np.ndarray:
@@ -97,16 +94,16 @@ def by_shape(sets: list[LinkSet]) -> list[list[LinkSet]]:
 def _one(group: list[LinkSet]) -> LinkSet:
     if len(group) == 1:
         return group[0]
-    return LinkSet(*(np.concatenate([getattr(s, name) for s in group]) for name in ARRAYS), group[0].two_way)
+    return LinkSet(*(np.concatenate([getattr(s, name) for s in group]) for name in ARRAYS))
 
 
 def _moved(group: list[LinkSet]) -> LinkSet:
     """The links of a group in one set. Each of its sets leaves the group when it is copied, so that few links are there twice."""
     if len(group) == 1:
         return group.pop()
-    number, two_way = sum(len(links) for links in group), group[0].two_way
+    number = sum(len(links) for links in group)
     like = [getattr(group[0], name) for name in ARRAYS]
-    out = LinkSet(*(np.empty((number, *x.shape[1:]), x.dtype) for x in like), two_way)
+    out = LinkSet(*(np.empty((number, *x.shape[1:]), x.dtype) for x in like))
     del like
     low = 0
     while group:
@@ -140,7 +137,7 @@ class LinkCollector:
     def __init__(self, allocate: Allocate | None = None) -> None:
         self._allocate = allocate
         self._full: list[LinkSet] = []
-        self._open: dict[tuple[int, int, bool], tuple[LinkSet, int]] = {}
+        self._open: dict[tuple[int, int], tuple[LinkSet, int]] = {}
 
     def add(self, sets: list[LinkSet]) -> None:
         """Take a copy of all links of ``sets``."""
@@ -164,17 +161,17 @@ class LinkCollector:
             return [links for group in groups for links in group]
         return [_moved(group) for group in groups]
 
-    def _room(self, shape: tuple[int, int, bool]) -> tuple[LinkSet, int]:
+    def _room(self, shape: tuple[int, int]) -> tuple[LinkSet, int]:
         chunk, used = self._open.get(shape, (None, 0))
         if chunk is not None and used < len(chunk):
             return chunk, used
         rows = _CHUNKS[0] if chunk is None else min(2 * len(chunk), _CHUNKS[1])
         if chunk is not None:
             self._full.append(chunk)
-        i, j, two_way = shape
+        i, j = shape
         data = (self._allocate or np.zeros)(rows * (6 + i * j), np.uint16)
         a, b, scale = (data[2 * k * rows : 2 * (k + 1) * rows] for k in range(3))
-        return LinkSet(a.view(np.int32), b.view(np.int32), data[6 * rows :].reshape(rows, i, j), scale.view(np.float32), two_way), 0
+        return LinkSet(a.view(np.int32), b.view(np.int32), data[6 * rows :].reshape(rows, i, j), scale.view(np.float32)), 0
 
 
 @dataclass(frozen=True)
@@ -199,8 +196,8 @@ def closing_gains(
     one = np.zeros((1, forest.functions, 1), np.float32)
     one[:, 0] = 1
 
-    def gain(exitance: Callable[[np.ndarray], np.ndarray], ways: Callable[[LinkSet], Iterator]) -> np.ndarray:
-        own = _arriving(forest, links, ways, exitance, allocate)
+    def gain(exitance: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        own = _arriving(forest, links, exitance, allocate)
         out = allocate((len(forest), forest.node_count), np.float32)
         for places in emitters.blocks():
             elements, trees = emitters.order[places], emitters.trees_of_block(forest, places)
@@ -220,31 +217,27 @@ def closing_gains(
             out[elements] = emitters.trees_of_block(forest, places).pull(np.where(leaf, values, 0))
         return lambda elements: out[elements]
 
-    received = gain(lambda elements: np.broadcast_to(one, (len(elements), *one.shape[1:])), directions)
-    sent = gain(pulled(received), directions_back)
-    return Gains(gain(pulled(sent), directions), sent)
+    received = gain(lambda elements: np.broadcast_to(one, (len(elements), *one.shape[1:])))
+    sent = gain(pulled(received))
+    return Gains(gain(pulled(sent)), sent)
 
 
 def received(forest: Forest, links: list[LinkSet], exitance: np.ndarray, allocate: Allocate = np.zeros) -> np.ndarray:
     """(E, m, 1) float32 coefficients of the irradiance at every element, ancestors included, from exitance (E, m, 1) of all."""
-    return forest.push(_arriving(forest, links, directions, lambda elements: exitance[elements], allocate))
+    return forest.push(_arriving(forest, links, lambda elements: exitance[elements], allocate))
 
 
 def _arriving(
     forest: Forest,
     links: list[LinkSet],
-    ways: Callable[[LinkSet], Iterator],
     exitance: Callable[[np.ndarray], np.ndarray],
     allocate: Allocate,
 ) -> np.ndarray:
-    """(E, m, 1) float32 coefficients of what every element receives over its own links from ``exitance`` (n, m, 1) of elements (n,).
-
-    ways : :func:`directions`, or :func:`directions_back`
-    """
+    """(E, m, 1) float32 coefficients of what every element receives over its own links from ``exitance`` (n, m, 1) of elements (n,)."""
     gathered = allocate((len(forest), forest.node_count, 1), np.float32)
     constant = allocate((len(forest), 1), np.float32)
     for group in blocks(links):
-        for source, receiver, exchange in ways(group):
+        for source, receiver, exchange in directions(group):
             power = forest.at_nodes(source, exitance(source))[..., 0] * forest.node_weights_of(source)
             if exchange.shape[2] == 1:
                 power = power.sum(1, keepdims=True)
@@ -269,13 +262,4 @@ def directions(group: LinkSet) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndar
     """The ways light takes through a set of links: (source (n,), receiver (n,), exchange (n, receiver nodes, source nodes))."""
     exchange = group.exchange
     yield group.b, group.a, exchange
-    if group.two_way:
-        yield group.a, group.b, exchange.transpose(0, 2, 1)
-
-
-def directions_back(group: LinkSet) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """As :func:`directions`, for light that takes every way from its end to its beginning."""
-    exchange = group.exchange
     yield group.a, group.b, exchange.transpose(0, 2, 1)
-    if group.two_way:
-        yield group.b, group.a, exchange

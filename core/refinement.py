@@ -32,6 +32,8 @@ FAR = 1.5
 """Elements this many sums of their radii apart may be one node each."""
 TOUCHING = 1.0
 """Elements closer than this many sums of their radii take the exact polygon formula (design measure: Gauss is 1 % wrong there)."""
+EVEN, ROUNDS = 1e-3, 4
+"""Fits of touching elements: part of evenly spread light in what is scaled, and how often."""
 NEGLIGIBLE = 1e-3
 """An exchange below this part of what is admissible as an error is left out and its bound added to the total."""
 BLOCK_PAIRS = 1 << 14
@@ -364,37 +366,51 @@ def _nodes(forest: Forest, elements: np.ndarray, one: bool) -> np.ndarray:
 
 
 def _links(forest, elements, bodies, radius, pairs: _Pairs, nodes_a, nodes_b, seen) -> list[LinkSet]:
-    """Links of pairs whose nodes and visibility (n, i, j) are known; near ones by the exact polygon formula, each way apart."""
+    """Links of pairs whose nodes and visibility (n, i, j) are known; near ones by the exact polygon formula."""
     ia, ib = pairs.ia, pairs.ib
     a, b = elements[ia].astype(np.int32), elements[ib].astype(np.int32)
     exchange = transport.kernel(nodes_a, bodies.normal[ia], nodes_b, bodies.normal[ib])
     near = TOUCHING * (pairs.xa + pairs.xb) > 1
-    far = ~near
-    out = [LinkSet.of(a[far], b[far], (exchange * seen)[far], True)]
-    here = np.flatnonzero(near)
-    if len(here):
-        for i, j, turn in ((a[here], b[here], False), (b[here], a[here], True)):
-            k, v = (exchange[here].transpose(0, 2, 1), seen[here].transpose(0, 2, 1)) if turn else (exchange[here], seen[here])
-            out.append(LinkSet.of(i, j, _fitted(forest, i, j, k) * v, False))
+    out = []
+    for rows in (np.flatnonzero(~near), np.flatnonzero(near)):
+        found = exchange[rows]
+        if near[rows].any():
+            found = _fitted(forest, a[rows], b[rows], found, (pairs.xb[rows] / pairs.xa[rows]) ** 2)
+        out.append(LinkSet.of(a[rows], b[rows], found * seen[rows]))
     return out
 
 
-def _fitted(forest: Forest, receiver: np.ndarray, source: np.ndarray, kernel: np.ndarray) -> np.ndarray:
-    """Kernel (n, i, j) scaled so that a source of constant exitance gives every receiving node its exact irradiance."""
+def _fitted(forest: Forest, a: np.ndarray, b: np.ndarray, kernel: np.ndarray, trust: np.ndarray) -> np.ndarray:
+    """Kernel (n, i, j) scaled so that every node receives from the other element, if that is of constant exitance, what is exact.
+
+    trust : (n,) of the power that a receives from b over that of the reverse. Both are one number, but here sums over nodes,
+    of which those of the smaller element are the better ones; what the nodes receive is scaled to it, so that the exchange stays
+    symmetric. Scaling rows and columns in turn changes the kernel least (Sinkhorn and Knopp 1967).
+    """
+    weights = [forest.node_weights_of(x).astype(np.float64) for x in (a, b)]
+    light = [_exact(forest, a, b), _exact(forest, b, a)]
+    powers = [(e * w).sum(1) for e, w in zip(light, weights, strict=True)]
+    # All nodes of an element may lie behind the other, though parts of it do not: then the others tell, and it takes the light evenly.
+    logs = [np.log(np.maximum(np.where(mine > 0, mine, other), 1e-300)) for mine, other in (powers, powers[::-1])]
+    power = np.exp((trust * logs[0] + logs[1]) / (trust + 1))[:, None]
+    light = [np.where(p[:, None] > 0, e, 1) for e, p in zip(light, powers, strict=True)]
+    light_a, light_b = (e * power / (e * w).sum(1, keepdims=True) for e, w in zip(light, weights, strict=True))
+    # A node that sees a part of the other element but none of its nodes needs something to scale.
+    out = kernel + EVEN * light_a[:, :, None] * light_b[:, None] / np.maximum(power, 1e-300)[:, :, None]
+    for _ in range(ROUNDS):
+        out *= (light_a / np.maximum(np.einsum("nij,nj->ni", out, weights[1]), 1e-300))[:, :, None]
+        out *= (light_b / np.maximum(np.einsum("nij,ni->nj", out, weights[0]), 1e-300))[:, None]
+    return out.astype(np.float32)
+
+
+def _exact(forest: Forest, receiver: np.ndarray, source: np.ndarray) -> np.ndarray:
+    """(n, i) float64 irradiance at the nodes of receivers by sources of exitance 1, as if nothing stood between."""
     row, outline = forest.outlines(source)
     nodes, normal = forest.nodes_of(receiver), forest.regions.normal[forest.region[receiver]]
-    count = nodes.shape[1]
-    exact = np.zeros((len(receiver), count))
-    for k in range(count):
+    exact = np.zeros(nodes.shape[:2])
+    for k in range(nodes.shape[1]):
         factor = transport.lambert(nodes[row, k], normal[row], outline)
         exact[:, k] = np.bincount(row, factor, minlength=len(receiver))
     # A node on or behind the plane of the source gets none of its light, whatever the formula says of the polygon.
     facing = forest.regions.normal[forest.region[source]]
-    height = np.einsum("nik,nk->ni", nodes - forest.nodes_of(source)[:, :1], facing)
-    exact = np.where(height > 0, exact, 0.0)
-    weights = forest.node_weights_of(source)
-    rule = np.einsum("nij,nj->ni", kernel, weights)
-    # A node that sees a part of the source but none of its nodes takes the light evenly from all of it.
-    scale = np.where(rule > 0, exact / np.maximum(rule, 1e-30), 0.0)
-    even = np.where(rule > 0, 0.0, exact / weights.sum(1, keepdims=True))
-    return (kernel * scale[..., None] + even[..., None]).astype(np.float32)
+    return np.where(np.einsum("nik,nk->ni", nodes - forest.nodes_of(source)[:, :1], facing) > 0, exact, 0.0)

@@ -62,7 +62,7 @@ class RoutesInMemory:
         self._emitters = emitters
         self._rows: list[list[_Rows]] = [[] for _ in range(len(emitters))]
         for group in joined(links):
-            for reverse in (False, True) if group.two_way else (False,):
+            for reverse in (False, True):
                 source, receiver = (group.a, group.b) if reverse else (group.b, group.a)
                 emitter = emitters.of(emitters.place[source])
                 order = np.lexsort((emitters.place[receiver], emitter)).astype(np.int32)
@@ -90,7 +90,7 @@ class RoutesOnDisk:
     def __init__(self, links: list[LinkSet], emitters: Emitters, allocate: Allocate) -> None:
         self._stretches: list[tuple[np.ndarray, np.ndarray]] = []
         for group in by_shape(links):
-            for way in range(2 if group[0].two_way else 1):
+            for way in range(2):
                 self._stretches.append(_sorted(group, way, emitters, allocate))
 
     def beams(self, emitter: int) -> Iterator[Beam]:
@@ -110,7 +110,7 @@ def _sorted(group: list[LinkSet], way: int, emitters: Emitters, allocate: Alloca
 
     The links are dealt out to their emitters first and sorted by receiver then: no more than a block of them is in memory.
     """
-    i, j, _ = group[0].shape
+    i, j = group[0].shape
     nodes = (j, i) if way else (i, j)
     count = np.zeros(len(emitters), np.int64)
     for part in blocks(group):

@@ -152,7 +152,7 @@ def linked_before(building: Building, options: Options, desk: Workspace) -> Link
         return None
     arrays, facts, space = saved.arrays(), saved.facts, desk.space
     forest = forest_of(building.regions, options.order, arrays, space.zeros, space.breathe)
-    sets = [LinkSet(*(arrays[f"{name}-{k}"] for name in ARRAYS), two_way) for k, two_way in enumerate(facts["two_way"])]
+    sets = [LinkSet(*(arrays[f"{name}-{k}"] for name in ARRAYS)) for k in range(facts["sets"])]
     desk.clock.lap("light", facts["light_seconds"])
     desk.clock.lap("link", facts["seconds"])
     counts = facts["dropped"], facts["segment_tests"], facts["shadow_tests"]
@@ -174,7 +174,7 @@ def link(building: Building, lit: Lit, limits: Tolerances, desk: Workspace) -> G
     groups = by_shape(made.links)
     sets = {f"{name}-{k}": [getattr(s, name) for s in group] for k, group in enumerate(groups) for name in ARRAYS}
     facts = {
-        "two_way": [group[0].two_way for group in groups], "dropped": made.dropped, "segment_tests": int(made.segment_tests),
+        "sets": len(groups), "dropped": made.dropped, "segment_tests": int(made.segment_tests),
         "shadow_tests": lit.tests, "lit": len(lit.light), "seconds": seconds, "light_seconds": clock.seconds["light"],
     }  # fmt: skip
     desk.store.keep_arrays("links", arrays_of(forest) | sets | {"light": light, "lost": lost}, facts)

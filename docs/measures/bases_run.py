@@ -51,9 +51,10 @@ def main(name: str, order: int, step: float) -> dict:
         light = light_of(solved.solution, bench.scene.points, way)
         ways[way] = {"cpu_seconds": seconds + cpu_seconds() - started, "score": bench.score(light)}
     links = sum(group.nbytes for group in solved.links)
-    # What every element holds of light while it is shot: at its nodes twice, and its coefficients, in three channels of float32.
+    # What every element holds of light: its coefficients, direct and reflected, and while it is shot what its nodes and all of it have
+    # received, in three channels of float32.
     forest = solved.forest
-    each = 12 * (2 * forest.functions + forest.node_count + 1) + forest.nodes[0].nbytes + forest.node_weights[0].nbytes
+    each = 12 * (3 * forest.functions + forest.node_count + 1)
     return {
         "light_bytes": links + each * len(forest),
         "elements": len(forest),

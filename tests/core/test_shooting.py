@@ -86,7 +86,7 @@ class Case:
         gathered = np.zeros((count, q, len(leaf) * m))
         for group in self.links:
             for a, b, k in zip(group.a, group.b, group.exchange.astype(float), strict=True):
-                for source, receiver, exchange in ((b, a, k), (a, b, k.T)) if group.two_way else ((b, a, k),):
+                for source, receiver, exchange in ((b, a, k), (a, b, k.T)):
                     sent = power[source] if exchange.shape[1] > 1 else power[source].sum(0, keepdims=True)
                     gathered[receiver] += exchange @ sent  # one receiving node: the same light for all nodes
         light = forest.push(forest.from_nodes(everything, gathered))[leaf]
@@ -113,7 +113,7 @@ orders = pytest.mark.parametrize("order", [1, 2, 3])
 def test_the_cases_hold_links_of_many_shapes(order):
     case = CASES[order]
     shapes = {group.shape for group in case.links}
-    assert len({s[2] for s in shapes}) == 2
+    assert len(shapes) > 1
     assert len(case.leaf) < len(case.forest)
     linked_parents = np.isin(np.concatenate([g.a for g in case.links]), np.flatnonzero(~case.forest.leaf))
     assert linked_parents.any()
