@@ -18,6 +18,8 @@ from .regions import Regions
 
 _DIAGONALS = np.array([[1, 1, 0], [1, -1, 0], [1, 0, 1], [1, 0, -1], [0, 1, 1], [0, 1, -1]]) / np.sqrt(2)
 AXES = np.concatenate([np.eye(3), _DIAGONALS]).astype(np.float32)
+_FACTS = 1 << 18
+"""Pairs of a body and a blocker that are looked at at once."""
 _BLOCK = 1 << 16
 """Elements of one working array of the segment test: a handful of them stay in the cache of a core."""
 
@@ -151,7 +153,7 @@ class Bodies:
         radius = None if flat else np.concatenate([np.zeros(len(b), np.float32) if b.radius is None else b.radius for b in (self, other)])
         return Bodies(*(np.concatenate(pair) for pair in zip(*parts, strict=True)), radius)
 
-    def take(self, index: np.ndarray) -> Bodies:
+    def take(self, index: np.ndarray | slice) -> Bodies:
         """The bodies with the given indices."""
         radius = None if self.radius is None else self.radius[index]
         return Bodies(self.centre[index], self.half_u[index], self.half_v[index], self.normal[index], radius)
@@ -209,25 +211,20 @@ class Shafts:
     """Facts about every body and every blocker, as bits, for the culling of blockers from the shafts between bodies."""
 
     def __init__(self, bodies: Bodies, index: ShaftIndex):
-        self._index, blockers = index, index.blockers
-        eps = np.float32(blockers.clearance)
-        height = bodies.centre @ blockers.normal.T
-        height -= blockers.offset[:, 0]
-        half = bodies.reach(blockers.normal) if bodies.half_u.any() or bodies.radius is not None else np.float32(0)
-        # A blocker is out when one of these bits is set for both bodies.
-        self._both = [*index.beyond(bodies), index.pack(height - half >= -eps), index.pack(height + half <= eps)]
-        # A blocker behind the plane of either body is out.
-        top = bodies.normal @ blockers.corners[:, 0].T
-        for k in range(1, 4):
-            np.maximum(top, bodies.normal @ blockers.corners[:, k].T, out=top)
-        plane = np.einsum("ij,ij->i", bodies.centre, bodies.normal) + eps
-        plane[~bodies.normal.any(1)] = -np.inf
-        self._either = index.pack(top <= plane[:, None])
+        self._index, count = index, len(bodies)
+        above, below, behind = (np.empty((count, index.words), np.uint64) for _ in range(3))
+        # The numbers behind the bits take thirty times their memory: a block of them at a time.
+        step = max(1, _FACTS // max(1, len(index.blockers)))
+        for low in range(0, count, step):
+            here = slice(low, low + step)
+            above[here], below[here], behind[here] = _sides(bodies.take(here), index)
+        # A blocker is out when one of these bits is set for both bodies, or this one for either.
+        self._both, self._either = [*index.beyond(bodies), above, below], behind
         self._balls = bodies.balls()
 
     def left(self, a: np.ndarray, b: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
         """Blocks of pairs of bodies a and b (n,): the first index, and the bits (m, words) of the blockers that nothing rules out."""
-        step = max(1, (1 << 22) // (64 * self._index.words))
+        step = max(1, (1 << 20) // (64 * self._index.words))
         for start in range(0, len(a), step):
             i, j = a[start : start + step], b[start : start + step]
             out = self._either[i] | self._either[j]
@@ -248,6 +245,21 @@ class Shafts:
             pairs.append(pair[near] + start)
             found.append(blocker[near])
         return (np.concatenate(pairs), np.concatenate(found)) if pairs else (np.zeros(0, np.int64), np.zeros(0, np.int64))
+
+
+def _sides(bodies: Bodies, index: ShaftIndex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(n, words) bits each: the body is in front of the blocker's plane; behind it; the blocker is behind the plane of the body."""
+    blockers = index.blockers
+    eps = np.float32(blockers.clearance)
+    height = bodies.centre @ blockers.normal.T
+    height -= blockers.offset[:, 0]
+    half = bodies.reach(blockers.normal) if bodies.half_u.any() or bodies.radius is not None else np.float32(0)
+    top = bodies.normal @ blockers.corners[:, 0].T
+    for k in range(1, 4):
+        np.maximum(top, bodies.normal @ blockers.corners[:, k].T, out=top)
+    plane = np.einsum("ij,ij->i", bodies.centre, bodies.normal) + eps
+    plane[~bodies.normal.any(1)] = -np.inf
+    return index.pack(height - half >= -eps), index.pack(height + half <= eps), index.pack(top <= plane[:, None])
 
 
 def near_axis(
