@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The bake from the command line: ``python -m enfilade bake ...`` and ``blender --background --command enfilade ...``."""
+"""The command line: ``python -m enfilade bake ...`` and ``blender --background --command enfilade ...``, tables of light too."""
 
 from __future__ import annotations
 
@@ -17,10 +17,12 @@ import bpy
 from ..core.arguments import Parser, add_options, options_from
 from ..core.command_outputs import OutputError, check_outputs, run_command
 from ..core.console import ProgressLine, summary
+from ..core.light_command import Opened, light_main
 from ..core.options import BakeOptions, Options
 from ..core.scene import SceneError
 from . import job, picture
 from .export_gltf import export
+from .extract import extract
 
 COMMAND = "enfilade"
 
@@ -46,6 +48,23 @@ def bake_main(argv: Sequence[str], out: TextIO | None = None, err: TextIO | None
         return _bake(given, line, out, err)
 
     return run_command(work, line, err)
+
+
+def open_blend(path: Path) -> Opened:
+    """What :func:`light_main` needs of a .blend file."""
+    if not path.exists():
+        raise OutputError(f"{path}: there is no such file")
+    _open(path)
+    if bpy.context.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
+    options, _ = job.settings(bpy.context.scene)
+    extraction = extract(bpy.context)
+    return extraction.scene, options, extraction.warnings
+
+
+def blender_main(argv: Sequence[str]) -> int:
+    """The command of Blender's own command line: a bake, or with ``light`` as its first word the table of the light of every room."""
+    return light_main(argv[1:], open_blend=open_blend) if list(argv[:1]) == ["light"] else bake_main(argv)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -185,7 +204,7 @@ _handle = None
 def register() -> None:
     """Make ``blender --background --command enfilade`` known."""
     global _handle
-    _handle = bpy.utils.register_cli_command(COMMAND, bake_main)
+    _handle = bpy.utils.register_cli_command(COMMAND, blender_main)
 
 
 def unregister() -> None:

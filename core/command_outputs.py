@@ -62,6 +62,18 @@ def check_outputs(outputs: Iterable[tuple[Path | None, str, str]], scene: Path |
             raise OutputError(f"{path}: {what} cannot be written ({error.strerror}), choose another folder") from error
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a file beside its place and move it there: a failure leaves what was there before. Raises :class:`OutputError`."""
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        part.write_text(text, encoding="utf-8", newline="")
+        os.replace(part, path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
+    finally:
+        part.unlink(missing_ok=True)
+
+
 def _sentence(error: BaseException) -> str:
     if isinstance(error, MemoryError):
         return "the machine has not enough memory for this scene: take a lower --quality or a --memory budget"

@@ -1,5 +1,6 @@
 """``python -m enfilade bake``: what it writes, and what it refuses."""
 
+import csv
 import io
 import json
 import os
@@ -211,3 +212,18 @@ def test_one_room_and_a_web_page(run, flat, tmp_path):
     code, _, progress = run(flat, "--gltf", tmp_path / "none.glb", "--only", "Attic")
     assert (code, progress.splitlines()[-1]) == (2, "enfilade: there is no room 'Attic' to bake: the rooms are West, East")
     assert not (tmp_path / "none.glb").exists()
+
+
+def test_the_light_of_every_room_as_a_table(shop, flat, tmp_path, capsys):
+    """In Blender's own command line, with the options of the file and the lamp in one of the two rooms."""
+    from enfilade.addon.command_line import blender_main
+
+    assert blender_main(["light", str(flat), "--out", str(tmp_path / "light.csv"), "--quality", "draft"]) == 0
+    assert "2 rooms" in capsys.readouterr().out
+    rows = {(row["room"], row["part"]): float(row["average (lx)"]) for row in csv.DictReader((tmp_path / "light.csv").open())}
+    assert rows["West", "floor"] > 5 * rows["East", "floor"] > 0
+    assert ("East", "work plane") in rows
+    assert blender_main(["light", str(tmp_path / "none.blend"), "--out", str(tmp_path / "a.csv")]) == 2
+    assert "none.blend" in capsys.readouterr().err
+    assert blender_main([str(flat), "--out", str(tmp_path / "light.csv")]) == 2  # without the word it is a bake, of .blend files
+    assert "--out must name a .blend file" in capsys.readouterr().err

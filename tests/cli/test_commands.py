@@ -15,6 +15,7 @@ def test_help_names_the_commands(enfilade):
     assert done.returncode == 0
     assert "solve SCENE" in done.stdout
     assert "bake FILE.blend" in done.stdout
+    assert "light FILE" in done.stdout
 
 
 def test_version_is_the_manifests(enfilade):
