@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .building import Building
-from .grouping import ragged
+from .grouping import ragged, runs
 from .light_kinds import Kind, Reach
 from .occlusion import ShaftIndex, Shafts, near_axis
 from .open_sky import OpenSky
@@ -89,11 +89,15 @@ def _shine(building: Building, kind: Kind, reach: Reach, patch, end, source, ind
     light[front] = _unobstructed(kind, source[of[front]], places[point[front]], normals[front])
     begin = np.searchsorted(pair, np.arange(len(patch) + 1))
     lit = np.flatnonzero(light.any(1))
-    members, row = ragged(begin[of[lit]], np.diff(begin)[of[lit]])
-    row, blocker = lit[row], blocker[members]
-    balls = np.ascontiguousarray(points.T), np.zeros(count, np.float32)
-    near = near_axis(shafts, balls, bodies.balls(), (point, place[len(patch) :][of]), row, blocker)
-    row, blocker = row[near], blocker[near]
+    number = np.diff(begin)[of]
+    balls, ends, rows = (np.ascontiguousarray(points.T), np.zeros(count, np.float32)), bodies.balls(), []
+    for some in np.split(lit, runs(np.cumsum(number[lit]) // _PAIR_BLOCK)[1:]):
+        # What may be in the way of a patch is seldom in the way of a point: most rows go as soon as they are made.
+        members, row = ragged(begin[of[some]], number[some])
+        which = blocker[members]
+        near = near_axis(shafts, balls, ends, (point[some], place[len(patch) + of[some]]), row, which)
+        rows.append((some[row[near]], which[near]))
+    row, blocker = (np.concatenate(column) for column in zip(*rows, strict=True))
     changed, doubtful = np.unique(row), np.unique(row[(passes[blocker] == 0) & kind.sharp])
     at, lamps = point[changed], source[of[changed]]
     bright = light[doubtful].max(1)

@@ -17,7 +17,7 @@ from .grouping import runs
 
 CLOSURE = (0.1, 10.0)
 """A node whose links add up to less or more than this sees next to nothing, or what cannot be."""
-BLOCK = 1 << 16
+BLOCK = 1 << 15
 """Links that are worked on at once."""
 _CHUNKS = (1 << 10, 1 << 18)
 """Links of the first chunk of a collection, and of its largest."""
