@@ -150,5 +150,9 @@ class _Reader:
                 return mean, (Layer(texture, mean, 1.0),)
             self.warn(f"is textured by the image '{node.image.name}' without a UV map: its mean colour is taken")
             return mean, ()
-        self.warn(f"has nodes at the input '{socket.name}' that cannot be read: the colour of the input itself is taken")
+        if node.type == "TEX_IMAGE":
+            name = f"the image '{node.image.name}'" if node.image is not None else "an Image Texture without image"
+            self.warn(f"has {name} at the input '{socket.name}', which is missing: the colour of the input itself is taken, find the file")
+        else:
+            self.warn(f"has nodes at the input '{socket.name}' that cannot be read: the colour of the input itself is taken")
         return np.array(socket.default_value[:3], float), ()

@@ -131,6 +131,16 @@ def test_a_texture_that_lies_on_no_uv_map_is_said_to_be_its_mean(nodes, shop):
     check(nodes.read(), (1, 0, 0), 0, "image 'Red' without a UV map")
 
 
+def test_a_missing_image_is_named(nodes, shop):
+    diffuse = nodes.add("ShaderNodeBsdfDiffuse", nodes.surface, Color=(0.3, 0.3, 0.3, 1))
+    texture = nodes.add("ShaderNodeTexImage", diffuse.inputs["Color"])
+    check(nodes.read(), 0.3, 0, "without image")
+    image = texture.image = shop.bpy.data.images.new("Gone", 2, 2)
+    image.source, image.filepath = "FILE", "//nothing.png"
+    image.reload()
+    check(nodes.read(), 0.3, 0, "the image 'Gone'")
+
+
 def test_byte_textures_are_made_linear(nodes, shop):
     image = shop.bpy.data.images.new("Grey", 2, 2)
     image.pixels.foreach_set(np.tile(np.float32([0.5, 0.5, 0.5, 1.0]), 4))
