@@ -91,14 +91,19 @@ def blockers_of(regions: Regions) -> Blockers:
 def flat_blockers(
     origin: np.ndarray, a: np.ndarray, b: np.ndarray, triangle: np.ndarray, normal: np.ndarray, region: np.ndarray
 ) -> Blockers:
-    """Blockers ``origin + s*a + t*b`` (K, 3) with unit normals (K, 3), relative to the scene's centre, metres."""
+    """Blockers ``origin + s*a + t*b`` (K, 3) with unit normals (K, 3), relative to the scene's centre, metres.
+
+    One without area, as a portal may be, has no plane: nothing meets it and no shaft holds it.
+    """
     corners = np.stack([origin, origin + a, np.where(triangle[:, None], origin + b, origin + a + b), origin + b], axis=1)
     half = np.where(triangle, 1.0, 0.5)[:, None]
     middle = np.where(triangle[:, None], origin, origin + 0.5 * (a + b))
     x, y = half * a, half * b
     across_y, across_x = np.cross(y, normal), np.cross(normal, x)
-    dual_x = across_y / np.einsum("ij,ij->i", x, across_y)[:, None]
-    dual_y = across_x / np.einsum("ij,ij->i", y, across_x)[:, None]
+    span_x, span_y = np.einsum("ij,ij->i", x, across_y)[:, None], np.einsum("ij,ij->i", y, across_x)[:, None]
+    flat = (span_x == 0) | (span_y == 0)
+    normal, across_y, across_x = (np.where(flat, 0.0, z) for z in (normal, across_y, across_x))
+    dual_x, dual_y = across_y / np.where(flat, 1.0, span_x), across_x / np.where(flat, 1.0, span_y)
     offset = np.stack([np.einsum("ij,ij->i", d, middle) for d in (normal, dual_x, dual_y)], axis=1)
     extent = float(np.abs(corners).max(initial=1.0))
     # float32 places a point to extent * 6e-8, and three products of it are summed.

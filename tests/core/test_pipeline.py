@@ -400,3 +400,21 @@ def test_an_error_in_the_callers_progress_comes_through():
 
     with pytest.raises(Stop):
         solve(CORNELL.scene, Options(quality="draft"), stop)
+
+
+@pytest.mark.filterwarnings("error")
+def test_portals_without_area_are_passed_over():
+    rooms = [*box(high=(4, 3, 3), leave_out="x+"), *box(low=(4, 0, 0), high=(8, 3, 3), leave_out="x-")]
+    sides = [((4, 0, 0), (0, 0, 3), (0, 1, 0)), ((4, 2, 0), (0, 0, 3), (0, 1, 0)), ((4, 1, 2), (0, 0, 1), (0, 1, 0))]
+    wall = [rectangle(*side) for side in sides]
+    polygons = [*rooms, *wall, *[w[::-1] for w in wall]]
+    room, emission = [0] * 5 + [1] * 5 + [0] * 3 + [1] * 3, np.eye(len(polygons), 3)
+    door, slit = rectangle((4, 1, 0), (0, 1, 0), (0, 0, 2)), rectangle((4, 0.5, 1), (0, 1, 0), (0, 0, 0))
+    dot = np.full((4, 3), (4.0, 1, 1))
+    found = []
+    for doors in ([door], [door, slit, dot]):
+        scene = scene_of(polygons, emission=emission, room=room, portals=portals_of(doors, [[0, 1]] * len(doors)))
+        found.append(solve(scene, Options(quality="draft", threads=1)).light)
+    np.testing.assert_array_equal(found[0].direct, found[1].direct)
+    np.testing.assert_array_equal(found[0].reflected, found[1].reflected)
+    assert found[0].reflected[8].any()  # the far wall of the other room
