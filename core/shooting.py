@@ -2,6 +2,9 @@
 
 Light is kept at the nodes of elements while it travels: what an element receives is gathered per node, and turned into
 coefficients, pushed to the leaves, reflected and pulled back up when the element's emitter is next to shoot.
+
+From the second time on an emitter shoots somewhat more than it has, because some of it will come back (successive
+over-relaxation: Young 1954). What it has shot too much it holds back later: unshot light may be negative.
 """
 
 from __future__ import annotations
@@ -21,6 +24,8 @@ from .store import Residency, Space, give_back
 
 DIM = 10.0
 """The unshot part of any one room's light may be this many times the part of the whole building's."""
+RELAXATION = 1.8
+"""Most times what they have not shot that emitters shoot, because some of it will come back."""
 ROUNDING = 1e-6
 """A room with less than this part of the emitted light holds what single precision lets slip through its walls: nobody waits for it."""
 
@@ -91,6 +96,7 @@ class Shooter:
         self.received, self.shot = np.zeros((units, 3)), np.zeros((units, 3))
         self._fresh, self._marked = np.ones(units, bool), np.zeros(units, bool)
         self._iteration, self._last = 0, -1
+        self._factor, self._left = 1.0, float(np.abs(self.unshot).sum())
 
     def run(self, strategy: Strategy, rng: np.random.Generator, tolerance: float, max_iterations: int) -> Iterator[Shot | Radiosity]:
         """Shoot until the unshot part of the emitted power is at most ``tolerance``, and that of the light of each room ``DIM`` times
@@ -101,14 +107,25 @@ class Shooter:
         """
         # Whoever is marked has shot in an iteration that was interrupted: it is finished first.
         while self._marked.any() or (self._iteration < max_iterations and not self._settled(tolerance)):
-            while (waiting := ~self._marked & ((unshot := self.unshot.sum(1)) > self._least(tolerance))).any():
+            while (waiting := ~self._marked & ((unshot := np.abs(self.unshot).sum(1)) > self._least(tolerance))).any():
                 self._last = strategy(Candidates(np.flatnonzero(waiting), unshot, self._last, rng))
                 self._marked[self._last] = True
                 self._shoot(self._last)
-                yield Shot(self._iteration, self._last, float(self.unshot.sum()) / max(self._emitted, 1e-300))
+                yield Shot(self._iteration, self._last, float(np.abs(self.unshot).sum()) / max(self._emitted, 1e-300))
             self._iteration += 1
             self._marked[:] = False
+            self._relax()
         yield self._finish()
+
+    def _relax(self) -> None:
+        """Choose the factor of the next iteration from what the last one has left (Young 1954; Hageman and Young 1981, section 9.5)."""
+        left = float(np.abs(self.unshot).sum())
+        rate, self._left = left / max(self._left, 1e-300), left
+        if rate >= 1:
+            self._factor = 1 + 0.5 * (self._factor - 1)
+        elif rate > self._factor - 1:
+            squared = (rate + self._factor - 1) ** 2 / (rate * self._factor**2)
+            self._factor = min(max(self._factor, 2 / (1 + np.sqrt(max(1 - squared, 0)))), RELAXATION)
 
     def _admissible(self, tolerance: float) -> np.ndarray:
         """(R,) W that each room may leave unshot: a part of all that its emitters have reflected so far, and yet will."""
@@ -116,7 +133,7 @@ class Shooter:
         return np.where(whole > ROUNDING * self._emitted, DIM * tolerance * whole, np.inf)
 
     def _settled(self, tolerance: float) -> bool:
-        unshot = np.bincount(self._rooms, self.unshot.sum(1))
+        unshot = np.bincount(self._rooms, np.abs(self.unshot).sum(1))
         return unshot.sum() <= tolerance * self._emitted and bool((unshot <= self._admissible(tolerance)).all())
 
     def _least(self, tolerance: float) -> np.ndarray:
@@ -127,7 +144,7 @@ class Shooter:
     def state(self) -> dict[str, np.ndarray]:
         """All that a shooter of the same links needs to go on from here; to be used before the next shot."""
         numbers = {name: getattr(self, name) for name in ("unshot", "received", "shot")}
-        flags = {"fresh": self._fresh, "marked": self._marked, "at": np.array([self._iteration, self._last])}
+        flags = {"fresh": self._fresh, "marked": self._marked, "at": np.array([self._iteration, self._last]), "pace": np.array([self._factor, self._left])}
         return {"light": self._light} | numbers | flags
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
@@ -138,6 +155,7 @@ class Shooter:
         self.unshot, self.received, self.shot = (state[name].copy() for name in ("unshot", "received", "shot"))
         self._fresh, self._marked = state["fresh"].copy(), state["marked"].copy()
         self._iteration, self._last = (int(x) for x in state["at"])
+        self._factor, self._left = (float(x) for x in state["pace"])
 
     def disk(self) -> dict[str, int]:
         """Bytes of light that were read and written, and of links that were read, because they are not in memory."""
@@ -171,15 +189,13 @@ class Shooter:
         """(n, 3) float32."""
         return self._forest.regions.reflectance[self._forest.region[elements]].astype(np.float32)
 
-    def _take(self, emitter: int, own: np.ndarray) -> np.ndarray:
+    def _take(self, emitter: int, own: np.ndarray, factor: float) -> np.ndarray:
         """Exitance (n, m, 3) that the elements ``own`` of an emitter have not shot, now taken as shot."""
         forest, trees = self._forest, self._subtrees(emitter)
         light = self._light[self._emitters.start[emitter] : self._emitters.start[emitter + 1]]
-        received = _received(forest, own, light)
-        light["gathered"] = 0
-        light["constant"] = 0
-        light["total"] += received
-        total = self._times(self._gains.received, trees.push(received), own)
+        due = factor * (_received(forest, own, light) - light["shot"])
+        light["shot"] += due
+        total = self._times(self._gains.received, trees.push(due), own)
         if self._fresh[emitter]:
             total = total + self._first[own]
             self._fresh[emitter] = False
@@ -198,11 +214,12 @@ class Shooter:
         own = emitters.order[emitters.start[emitter] : emitters.start[emitter + 1]]
         self._residency.next_shot()
         self._residency.need(np.array([emitter]))
-        exitance = self._take(emitter, own)
+        factor = 1.0 if self._fresh[emitter] else self._factor
+        exitance = self._take(emitter, own, np.float32(factor))
         power = forest.at_nodes(own, exitance) * forest.node_weights_of(own)[..., None]
         flux = power.sum(1)
-        self.shot[emitter] += self.unshot[emitter]
-        self.unshot[emitter] = 0
+        self.shot[emitter] += factor * self.unshot[emitter]
+        self.unshot[emitter] *= 1 - factor
         for beam in self._routes.beams(emitter):
             self._links_read += beam.nbytes if self._routes.on_disk else 0
             sent = power[beam.source] if beam.exchange.shape[2] > 1 else flux[beam.source][:, None]
@@ -231,17 +248,18 @@ class Shooter:
         brightest = 0.0
         for places in emitters.blocks():
             own, trees, light = emitters.order[places], emitters.trees_of_block(forest, places), self._light[places]
-            rest = _received(forest, own, light)
+            received = _received(forest, own, light)
+            rest = received - light["shot"]
             waiting = self._fresh[emitters.of(np.arange(places.start, places.stop))][:, None, None]
             leaf = forest.leaf_of(own)
             left = self._times(self._gains.received, trees.push(rest), own) + np.where(waiting, self._first[own], 0)
             exitance = np.abs(forest.mean(own[leaf], left[leaf])) * self._reflectance(own[leaf])
             brightest = max(brightest, float(exitance.max(initial=0.0)))
-            total = self._times(self._gains.received, trees.push(light["total"] + rest), own)
+            total = self._times(self._gains.received, trees.push(received), own)
             out[own] = trees.pull(np.where(leaf[:, None, None], total, 0))
             self._page_out(places.start, places.stop)
             self._space.breathe()
-        return Radiosity(out, self._iteration, self.unshot.sum(0), brightest, self.received, self.shot)
+        return Radiosity(out, self._iteration, np.abs(self.unshot).sum(0), brightest, self.received, self.shot)
 
 
 def summed(parts: Sequence[Radiosity]) -> Radiosity:
@@ -257,13 +275,13 @@ def summed(parts: Sequence[Radiosity]) -> Radiosity:
 
 
 def _light_of(forest: Forest) -> np.dtype:
-    """The light of an element: what its nodes, and all of it alike, have received and not shot, and what it has received in all."""
-    parts = [("gathered", (forest.node_count, 3)), ("constant", (3,)), ("total", (forest.functions, 3))]
+    """The light of an element: what its nodes, and all of it alike, have received, and what of it has been shot."""
+    parts = [("gathered", (forest.node_count, 3)), ("constant", (3,)), ("shot", (forest.functions, 3))]
     return np.dtype([(name, "<f4", shape) for name, shape in parts])
 
 
 def _received(forest: Forest, elements: np.ndarray, light: np.ndarray) -> np.ndarray:
-    """(n, m, 3) coefficients of the light that elements have received and not shot."""
+    """(n, m, 3) coefficients of the light that elements have received."""
     received = forest.from_nodes(elements, np.ascontiguousarray(light["gathered"]))
     received[:, 0] += light["constant"]
     return received
