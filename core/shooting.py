@@ -144,8 +144,9 @@ class Shooter:
     def state(self) -> dict[str, np.ndarray]:
         """All that a shooter of the same links needs to go on from here; to be used before the next shot."""
         numbers = {name: getattr(self, name) for name in ("unshot", "received", "shot")}
-        flags = {"fresh": self._fresh, "marked": self._marked, "at": np.array([self._iteration, self._last]), "pace": np.array([self._factor, self._left])}
-        return {"light": self._light} | numbers | flags
+        flags = {"fresh": self._fresh, "marked": self._marked}
+        at = {"at": np.array([self._iteration, self._last]), "pace": np.array([self._factor, self._left])}
+        return {"light": self._light} | numbers | flags | at
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """Go on from a :meth:`state`."""
