@@ -12,7 +12,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -38,6 +38,13 @@ PAPER = {
 """Polygons, rooms, clusters, seconds of clustering and of visibility (table 9); estimated memory of all, memory with rooms and time,
 memory with clusters and time (table 10, Greedy C); polygons of the largest potentially visible sets of a room and of a cluster."""
 
+PAPER_RATIOS = {
+    "test_scene": ("17", "", "", "", "4.3"),
+    "labyrinth": ("", "", "", "", "6.0"),
+    "octogon": ("", "", "", "", "1.3"),
+}
+"""Time and memory with rooms over those with clusters, from the same tables."""
+
 
 @dataclass(frozen=True)
 class Row:
@@ -61,19 +68,19 @@ def tables_main(argv: Sequence[str], out: TextIO | None = None, err: TextIO | No
     folder = None
     try:
         given = _parser().parse_args(argv)
-        folder, settings = given.out, _settings(given)
+        folder, settings = given.out, settings_of(given)
         rows = list(_rows(given))
         folder.mkdir(parents=True, exist_ok=True)
         results = {}
         begin, spent = time.monotonic(), 0
         for number, row in enumerate(rows):
-            kept = folder / f"{row.name}.json"
-            results[row] = _kept(kept, settings)
+            file = folder / f"{row.name}.json"
+            results[row] = kept(file, settings)
             if results[row] is None:
                 left = f", about {words((time.monotonic() - begin) / spent * (len(rows) - number))}" if spent else ""
                 err.write(f"{number + 1} of {len(rows)}: {row.name}{left}\n")
                 results[row] = _solve(row, given, folder, settings, err)
-                _replace(kept, json.dumps(results[row], indent=1))
+                write_whole(file, json.dumps(results[row], indent=1))
                 spent += 1
             _write(folder, results, settings)
     except SystemExit as leave:  # --help
@@ -101,7 +108,7 @@ def _parser() -> Parser:
     return parser
 
 
-def _settings(given: Any) -> dict[str, Any]:
+def settings_of(given: Any) -> dict[str, Any]:
     return {"scale": str(given.scale), "quality": given.quality, "threads": given.threads, "seed": given.seed}
 
 
@@ -118,7 +125,7 @@ def _rows(given: Any) -> Iterator[Row]:
             yield Row(scene, emitters, "greedy_c", given.memory, False)
 
 
-def _kept(path: Path, settings: dict[str, Any]) -> dict[str, Any] | None:
+def kept(path: Path, settings: dict[str, Any]) -> dict[str, Any] | None:
     """The figures of a row that was finished before."""
     if not path.exists():
         return None
@@ -148,13 +155,13 @@ def _solve(row: Row, given: Any, folder: Path, settings: dict[str, Any], err: Te
 
 
 def _write(folder: Path, results: dict[Row, dict[str, Any]], settings: dict[str, Any]) -> None:
-    _replace(folder / "tables.md", "\n".join(_markdown(results, settings)) + "\n")
+    write_whole(folder / "tables.md", "\n".join(_markdown(results, settings)) + "\n")
     text = io.StringIO(newline="")
     writer = csv.writer(text)
     writer.writerow(_COLUMNS)
     for row, result in results.items():
         writer.writerows(_lines(row, result))
-    _replace(folder / "tables.csv", text.getvalue())
+    write_whole(folder / "tables.csv", text.getvalue())
 
 
 _COLUMNS = (
@@ -186,6 +193,7 @@ def _markdown(results: dict[Row, dict[str, Any]], settings: dict[str, Any]) -> I
     yield from _table_8(results)
     yield from _table_9(results)
     yield from _table_10(results)
+    yield from _ratios(results)
     yield from _traffic(results)
 
 
@@ -216,12 +224,12 @@ def _table_9(results: dict[Row, dict[str, Any]]) -> Iterator[str]:
         report = next(iter(rows.values()))["report"]
         seconds = report["seconds"]
         largest = {row.emitters: _count(result["report"]["pvs_polygons_max"]) for row, result in rows.items()}
-        yield _cells(
+        yield cells(
             SCENES[scene], _count(report["polygons"]), _count(report["rooms"]), _count(report["clusters"]), _time(seconds["cluster"]),
             _time(seconds["graph"]), largest.get("cells", ""), largest.get("clusters", ""),
         )  # fmt: skip
         p = PAPER[scene]
-        yield _cells("paper", *map(_count, p[:3]), p[3], p[4], _count(p[10]), _count(p[11]))
+        yield cells("paper", *map(_count, p[:3]), p[3], p[4], _count(p[10]), _count(p[11]))
 
 
 def _table_10(results: dict[Row, dict[str, Any]]) -> Iterator[str]:
@@ -239,9 +247,29 @@ def _table_10(results: dict[Row, dict[str, Any]]) -> Iterator[str]:
             figures.append(_size(free["replay"]["set_bytes"]) if free else "")
             figures += [_size(_above_base(tight)), _time(_seconds(tight))] if tight else ["", ""]
             budget = f" (budget {_size(tight['row']['memory'])})" if tight else budget
-        yield _cells(SCENES[scene] + budget, *figures)
+        yield cells(SCENES[scene] + budget, *figures)
         p = PAPER[scene]
-        yield _cells("paper", p[5], "", p[6], "", p[7], p[8], "", p[9])
+        yield cells("paper", p[5], "", p[6], "", p[7], p[8], "", p[9])
+
+
+def _ratios(results: dict[Row, dict[str, Any]]) -> Iterator[str]:
+    """How many times as much cells take as clusters."""
+    yield "\n## Clusters against cells, Greedy C\n"
+    yield "What cells take, as a multiple of what clusters take; peaks under the same budget.\n"
+    yield "| scene | time in all | shooting alone | links read | largest set | peak |"
+    yield "|---|---|---|---|---|---|"
+    for scene, rows in _by_scene(results):
+        free = {row.emitters: result for row, result in rows.items() if row.kept and row.ordering == "greedy_c"}
+        tight = {row.emitters: result for row, result in rows.items() if row.memory}
+        yield cells(
+            SCENES[scene], _ratio(free, _seconds), _ratio(free, lambda r: r["report"]["solve_seconds"]["shoot"]),
+            _ratio(free, lambda r: r["replay"]["links_read"]), _ratio(free, lambda r: r["replay"]["set_bytes"]), _ratio(tight, _above_base),
+        )  # fmt: skip
+        yield cells("paper", *PAPER_RATIOS[scene])
+
+
+def _ratio(found: dict[str, dict[str, Any]], pick: Callable[[dict[str, Any]], float]) -> str:
+    return f"{pick(found['cells']) / max(pick(found['clusters']), 1e-300):.2f}" if len(found) == 2 else ""
 
 
 def _traffic(results: dict[Row, dict[str, Any]]) -> Iterator[str]:
@@ -259,7 +287,7 @@ def _traffic(results: dict[Row, dict[str, Any]]) -> Iterator[str]:
         for k, traffic in enumerate(replay["traffic"]):
             head = [SCENES[row.scene], row.emitters, SHORT[row.ordering], _count(replay["shots"]), _size(replay["links_read"])]
             sizes = [_size(traffic[name]) for name in ("limit", "read", "least", "written")]
-            yield _cells(*(head if k == 0 else [""] * 5), *sizes)
+            yield cells(*(head if k == 0 else [""] * 5), *sizes)
 
 
 def _by_scene(results: dict[Row, dict[str, Any]]) -> Iterator[tuple[str, dict[Row, dict[str, Any]]]]:
@@ -267,7 +295,7 @@ def _by_scene(results: dict[Row, dict[str, Any]]) -> Iterator[tuple[str, dict[Ro
         yield scene, {row: result for row, result in results.items() if row.scene == scene}
 
 
-def _cells(*texts: str) -> str:
+def cells(*texts: str) -> str:
     return "| " + " | ".join(texts) + " |"
 
 
@@ -291,7 +319,7 @@ def _count(number: int) -> str:
     return f"{number:,}"
 
 
-def _replace(path: Path, text: str) -> None:
+def write_whole(path: Path, text: str) -> None:
     """Write a file whole or not at all."""
     part = path.with_name(path.name + ".part")
     part.write_text(text, encoding="utf-8")

@@ -63,6 +63,10 @@ def test_every_figure_stands_beside_that_of_the_paper(monkeypatch, tmp_path):
     rows = table(tmp_path, "Table 10")
     assert rows[1][:4] == ["Test scene (budget 73.4 MB)", "3.00 GB", "1.0 MB", "70.0 MB"]
     assert rows[2][6] == "70 Mb"
+    # Rows 3 to 6 have no budget, cells after clusters in pairs of orderings; rows 9 and 10 have one.
+    rows = table(tmp_path, "Clusters against cells")
+    assert rows[1] == ["Test scene", "1.50", "1.50", "1.00", "1.00", "1.11"]
+    assert rows[2] == ["paper", "17", "", "", "", "4.3"]
     traffic = list(csv.DictReader((tmp_path / "tables.csv").open()))
     assert {(t["read_bytes"], t["least_read_bytes"], t["links_read_bytes"]) for t in traffic} == {
         ("5000000.0", "3000000.0", "8000000000.0")
