@@ -68,7 +68,7 @@ def tables_main(argv: Sequence[str], out: TextIO | None = None, err: TextIO | No
     folder = None
     try:
         given = _parser().parse_args(argv)
-        folder, settings = given.out, settings_of(given)
+        folder, settings = given.out, _settings(given)
         rows = list(_rows(given))
         folder.mkdir(parents=True, exist_ok=True)
         results = {}
@@ -108,7 +108,7 @@ def _parser() -> Parser:
     return parser
 
 
-def settings_of(given: Any) -> dict[str, Any]:
+def _settings(given: Any) -> dict[str, Any]:
     return {"scale": str(given.scale), "quality": given.quality, "threads": given.threads, "seed": given.seed}
 
 
