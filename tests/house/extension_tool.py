@@ -9,6 +9,8 @@ import importlib.util
 import json
 import math
 import os
+import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -33,6 +35,15 @@ def tags() -> list[str]:
 def validate(what: Path) -> subprocess.CompletedProcess:
     """Check a source folder or a zip."""
     return subprocess.run([*tool(), "validate", *tags(), str(what)], capture_output=True, text=True, check=False)
+
+
+def whole_blender() -> list[str]:
+    """The command of a Blender that is more than its Python module, empty where there is none.
+
+    It is ``blender``, run by what ENFILADE_BLENDER_SHELL names (see tests/window/drive.py) or found on the path.
+    """
+    shell = shlex.split(os.environ.get("ENFILADE_BLENDER_SHELL", ""))
+    return [*shell, "blender"] if shell or shutil.which("blender") else []
 
 
 def build(folder: Path, source: Path = ROOT) -> Path:

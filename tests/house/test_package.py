@@ -1,5 +1,6 @@
 """The extension as it ships: built and checked by Blender's own tool, installed into a clean profile, and run there."""
 
+import subprocess
 import tomllib
 import zipfile
 from pathlib import Path
@@ -48,6 +49,17 @@ def test_source_and_zip_are_valid(package):
     for what in (ROOT, package):
         checked = extension_tool.validate(what)
         assert checked.returncode == 0, checked.stdout + checked.stderr
+        assert "warning" not in (checked.stdout + checked.stderr).lower()
+
+
+@pytest.mark.skipif(not extension_tool.whole_blender(), reason="there is no Blender here but its Python module")
+def test_a_whole_blender_finds_the_zip_valid(package):
+    command = [*extension_tool.whole_blender(), "--background", "--command", "extension", "validate", package.name]
+    checked = subprocess.run(command, capture_output=True, text=True, cwd=package.parent, timeout=120, check=False)
+    said = checked.stdout + checked.stderr
+    assert checked.returncode == 0, said
+    assert f'Success parsing TOML in "{package.name}"' in said
+    assert not [line for line in said.splitlines() if "enfilade" in line and "warning" in line.lower()]
 
 
 def test_zip_holds_the_code_and_nothing_else(package, manifest):
