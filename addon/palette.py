@@ -36,7 +36,7 @@ class Palette:
     def __init__(self, warnings: list[str]):
         self._warnings = warnings
         self._surfaces: dict[bpy.types.Material | None, Surface] = {}
-        self._sums: dict[tuple[bpy.types.Image, str, bool], PictureSums] = {}
+        self._sums: dict[tuple[bpy.types.Image, str, bool, bool], PictureSums] = {}
 
     def surface(self, material: bpy.types.Material | None) -> Surface:
         """That of a material, not of a copy of it that was evaluated."""
@@ -107,7 +107,7 @@ class Palette:
         return out
 
     def _sums_of(self, texture: Texture) -> PictureSums:
-        key = (texture.image, texture.extension, texture.smooth)
+        key = (texture.image, texture.extension, texture.smooth, texture.cut_out)
         if key not in self._sums:
             self._sums[key] = sums_of(texture)
         return self._sums[key]

@@ -91,23 +91,29 @@ def source_of(socket: bpy.types.NodeSocket) -> bpy.types.Node | None:
     return plug.node if plug is not None else None
 
 
-def image_pixels(image: bpy.types.Image) -> np.ndarray:
-    """(H, W, 4) float32 linear colour times alpha, and alpha, of the pixels of an image, row 0 at the bottom."""
+def image_pixels(image: bpy.types.Image, cut_out: bool = False) -> np.ndarray:
+    """(H, W, 4) float32 linear colour times alpha, and alpha, of the pixels of an image, row 0 at the bottom.
+
+    cut_out : where alpha is made use of, Cycles takes colours as they are, else bytes times alpha, and only then are they made linear
+    """
     width, height = image.size
     pixels = np.empty(width * height * image.channels, np.float32)
     image.pixels.foreach_get(pixels)
     pixels = pixels.reshape(-1, image.channels)
     out = np.ones((len(pixels), 4), np.float32)
     out[:, :3] = pixels[:, :3] if image.channels >= 3 else pixels[:, :1]
-    # Byte buffers hold values as in the file, not multiplied with alpha; float buffers are linear and multiplied already.
-    if not image.is_float and image.colorspace_settings.name == "sRGB":
+    if image.channels == 4 and image.alpha_mode not in ("NONE", "CHANNEL_PACKED"):
+        out[:, 3] = pixels[:, 3]
+    if image.is_float:  # linear, and multiplied with alpha
+        return out.reshape(height, width, 4)
+    if not cut_out:
+        out[:, :3] *= out[:, 3:]
+    if image.colorspace_settings.name == "sRGB":
         linear = np.arange(256) / 255.0
         linear = np.where(linear <= 0.04045, linear / 12.92, ((linear + 0.055) / 1.055) ** 2.4).astype(np.float32)
         out[:, :3] = linear[np.round(np.clip(out[:, :3], 0.0, 1.0) * 255.0).astype(np.uint8)]
-    if image.channels == 4 and image.alpha_mode not in ("NONE", "CHANNEL_PACKED"):
-        out[:, 3] = pixels[:, 3]
-        if not image.is_float:
-            out[:, :3] *= out[:, 3:]
+    if cut_out:
+        out[:, :3] *= out[:, 3:]
     return out.reshape(height, width, 4)
 
 
@@ -118,9 +124,9 @@ def shown(mean: np.ndarray, cut_out: bool) -> np.ndarray:
 
 def image_mean(image: bpy.types.Image, cut_out: bool) -> np.ndarray:
     """(3,) float64 mean of an image in linear colour."""
-    return shown(image_pixels(image).mean(axis=(0, 1), dtype=np.float64), cut_out)
+    return shown(image_pixels(image, cut_out).mean(axis=(0, 1), dtype=np.float64), cut_out)
 
 
 def sums_of(texture: Texture) -> PictureSums:
     """The picture of a texture, to be asked for means over parts of it."""
-    return PictureSums(image_pixels(texture.image), texture.extension, texture.smooth)
+    return PictureSums(image_pixels(texture.image, texture.cut_out), texture.extension, texture.smooth)

@@ -120,6 +120,19 @@ def test_a_texture_is_its_mean(nodes, shop, floating, cut_out, mean):
     check(nodes.read(), mean, 0, *(["'Alpha' that cannot be read"] if cut_out else []))
 
 
+@pytest.mark.parametrize(("cut_out", "seen"), [(False, 0.033105), (True, 0.603827)])
+def test_half_transparent_bytes_are_as_in_cycles(nodes, shop, cut_out, seen):
+    """sRGB 0.8 with alpha 1/4: Cycles shows 0.0331, which is 0.2 made linear, and 0.60 where alpha is made use of."""
+    image = shop.bpy.data.images.new("Veil", 2, 2, alpha=True)
+    image.pixels.foreach_set(np.tile(np.float32([0.8, 0.8, 0.8, 0.25]), 4))
+    principled = nodes.add("ShaderNodeBsdfPrincipled", nodes.surface, Emission_Strength=0)
+    texture = nodes.add("ShaderNodeTexImage", principled.inputs["Base Color"])
+    texture.image = image
+    if cut_out:
+        nodes.link(texture.outputs["Alpha"], principled.inputs["Alpha"])
+    assert nodes.read()[0].reflectance == pytest.approx(seen, rel=0.01)
+
+
 def test_a_texture_that_lies_on_no_uv_map_is_said_to_be_its_mean(nodes, shop):
     image = shop.bpy.data.images.new("Red", 2, 2)
     image.pixels.foreach_set(np.tile(np.float32([1, 0, 0, 1]), 4))
