@@ -100,6 +100,8 @@ def _steps(scene: Scene, options: Options, desk: Workspace) -> Generator[Progres
         power += entered_power(one.building, forest, one.kinds, first, desk.crew)
         strategy = ordering.STRATEGIES[options.ordering](sets)
         shooter = Shooter(forest, routes, emitters, rooms, first, gains, power, space)
+        if one is lightings[-1]:
+            del routes  # the shooter alone knows when they can go
 
         def preview(shooter: Shooter = shooter, before: tuple[Radiosity, ...] = tuple(shots)) -> Solution:
             return so_far(forest, light, sum((shot.irradiance for shot in before), shooter.so_far()))
@@ -108,7 +110,7 @@ def _steps(scene: Scene, options: Options, desk: Workspace) -> Generator[Progres
         parts.append(Contribution(one.kinds, first, shots[-1].irradiance))
         emitted += power
         disk.update(shooter.disk())
-    del shooter, preview, routes, gains, emitters  # what follows takes memory of its own
+    del shooter, preview, gains, emitters  # what follows takes memory of its own
     radiosity = summed(shots)
     clock.seconds["solve"] = sum(clock.seconds[part] for part in PARTS)
 

@@ -103,7 +103,8 @@ class Shooter:
         this; yields every shot, at last the light.
 
         In every iteration each emitter shoots once, in the order of ``strategy`` (paper, figure 7). One with next to nothing to
-        shoot is passed over, and nothing is read for it, until it has received more.
+        shoot is passed over, and nothing is read for it, until it has received more. At the end the links are let go: a shooter
+        runs once.
         """
         # Whoever is marked has shot in an iteration that was interrupted: it is finished first.
         while self._marked.any() or (self._iteration < max_iterations and not self._settled(tolerance)):
@@ -115,6 +116,8 @@ class Shooter:
             self._iteration += 1
             self._marked[:] = False
             self._relax()
+        # The result takes memory that the links need no more.
+        self._trees, self._routes = {}, None
         yield self._finish()
 
     def _relax(self) -> None:
