@@ -15,6 +15,7 @@ from .clustering import Clusters
 from .elements import Forest
 from .emitters import Emitters
 from .links import ARRAYS, LinkCollector, LinkSet, by_shape
+from .memory import give_back_free
 from .options import Options
 from .progress import Progress
 from .quality import Tolerances
@@ -140,6 +141,7 @@ def illuminate(building: Building, lamps: Any, limits: Tolerances, options: Opti
     forest = kept_by(Forest(building.regions, options.order), space.zeros)
     steps = illumination.illuminate(building, forest, lamps, limits.direct, limits.min_size, desk.crew, space.zeros)
     light, room, tests = yield from _follow(steps, 0.06, 0.2, lambda: "Light of the luminaires")
+    give_back_free()
     seconds = desk.clock.lap("light")
     desk.store.keep_arrays("lamps", arrays_of(forest) | {"light": light, "room": room}, {"tests": int(tests), "seconds": seconds})
     return Lit(forest, light, room, int(tests))
@@ -170,6 +172,7 @@ def link(building: Building, lit: Lit, limits: Tolerances, desk: Workspace) -> G
     made = yield from _follow(steps, 0.2, 0.7, lambda: f"Linking {len(forest):,} elements")
     light = illumination.extended(forest, lit.light, space.zeros)
     lost = escape.lost_share(building, forest, desk.crew)
+    give_back_free()  # blocks of work leave holes between what stays
     seconds = clock.lap("link")
     groups = by_shape(made.links)
     sets = {f"{name}-{k}": [getattr(s, name) for s in group] for k, group in enumerate(groups) for name in ARRAYS}

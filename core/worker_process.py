@@ -10,6 +10,7 @@ import signal
 import sys
 import traceback
 
+from .memory import give_back_free
 from .wire import attached, can_travel, receive, send
 
 
@@ -29,6 +30,7 @@ def serve() -> None:
             function, block = receive(requests)
             if function is None:
                 common = attached(block) if block else ()
+                give_back_free()  # a worker may wait for long until there is something for it again
                 send(answers, (True, None))
             else:
                 send(answers, _answer(function, common, block))
