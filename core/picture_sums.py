@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-FINEST = 1024
+FINEST = 512
 """Most columns and rows of a table: of larger pictures neighbouring pixels are added up."""
 
 SMOOTHEST = 512
@@ -53,8 +53,8 @@ class PictureSums:
 
     @property
     def finest(self) -> float:
-        """Size of what the table resolves, in picture coordinates."""
-        return float(min(np.diff(self._rows).min(), np.diff(self._columns).min()))
+        """Height of a row of the table, about, in picture coordinates."""
+        return self._period / (len(self._rows) - 1)
 
     def _resampled(self, values: np.ndarray, axis: int, smooth: bool) -> tuple[np.ndarray, np.ndarray]:
         """The picture in finer or coarser columns or rows, and where (n + 1,) these begin and end."""
@@ -131,7 +131,7 @@ class PictureSums:
             at = at - self._period * np.floor(at.min(axis=1, keepdims=True) / self._period)
         at = np.take_along_axis(at, at[:, :, 1].argsort(axis=1, kind="stable")[:, :, None], axis=1)
         extent = at.max(1) - at.min(1)
-        wanted = np.ceil(np.minimum(extent[:, 1] / self.finest, _BANDS[-1]))
+        wanted = np.ceil(np.minimum(extent[:, 1] / (2 * self.finest), _BANDS[-1]))
         level = np.searchsorted(_BANDS, wanted)
         out = np.empty((len(at), self._table.shape[2]))
         for k, bands in enumerate(_BANDS):
