@@ -61,7 +61,10 @@ def cases() -> dict[str, Callable[[], object]]:
         "world colour through a window": lambda: sky(color=(0.5, 0.7, 1.0), strength=3.0),
         "world image through a window": lambda: sky(image=lambda: gradient(False)),
         "world image with a sun in it": lambda: sky(image=lambda: gradient(True)),
-        "screen with a picture": lambda: screen(),
+        "sun through glass": lambda: glazed(lamp("SUN", 10, (0, 0, 5), side, outside=True, angle=radians(20))),
+        "world colour through glass": lambda: glazed(sky(color=(0.5, 0.7, 1.0), strength=3.0)),
+        "world colour through a window without portal": lambda: bare(sky(color=(0.5, 0.7, 1.0), strength=3.0)),
+        "screen with a picture": screen,
     }
     if "exposure" in bpy.types.PointLight.bl_rna.properties:
         found |= {
@@ -156,6 +159,26 @@ def sky(color=(1, 1, 1), strength: float = 1.0, image: Callable[[], bpy.types.Im
         texture = world.node_tree.nodes.new("ShaderNodeTexEnvironment")
         texture.image = image()
         world.node_tree.links.new(texture.outputs[0], node.inputs["Color"])
+
+
+def glazed(_: object) -> None:
+    """Put panes that let 0.7 of the light pass into the window: for Cycles a transparent face, which is in no room."""
+    bpy.data.objects["Window"].enfilade.transmittance = 0.7
+    material = diffuse("Glass", (0, 0, 0))
+    tree = material.node_tree
+    tree.nodes.clear()
+    shader, output = tree.nodes.new("ShaderNodeBsdfTransparent"), tree.nodes.new("ShaderNodeOutputMaterial")
+    shader.inputs["Color"].default_value = (0.7, 0.7, 0.7, 1)
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    pane = bpy.data.meshes.new("Pane")
+    pane.from_pydata([(1, 0, 0.8), (3, 0, 0.8), (3, 0, 2), (1, 0, 2)], [], [(0, 1, 2, 3)])
+    pane.materials.append(material)
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Pane", pane))
+
+
+def bare(_: object) -> None:
+    """Take the portal out of the window."""
+    bpy.data.objects.remove(bpy.data.objects["Window"])
 
 
 def gradient(sun: bool) -> bpy.types.Image:
