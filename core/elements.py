@@ -378,20 +378,17 @@ class Subtrees:
             self._up.append(self._upward(elements, here[inner[here]]))
 
     def _upward(self, elements: np.ndarray, at: np.ndarray) -> tuple:
-        """Parents ``at`` of one level: whole ones, their children with slots and shares by position in the parent, and cut ones."""
+        """Parents ``at`` of one level: whole ones with their first slots, the places (2, n) of the two children that all have, which
+        of them have four and the places (2, k) of the other two; and cut ones.
+        """
         forest = self._forest
         cut = forest.cut(elements[at])
         full = at[~cut]
         parents = elements[full]
-        first, children = forest.first_slot(parents), forest.children_of(parents)
-        parts = []
-        for k in range(4):
-            has = np.flatnonzero((first == 0) | (k < 2)).astype(np.int32)
-            if len(has):
-                child = self._place[children[has, k]]
-                share = np.where(first[has] == 0, np.float32(0.25), np.float32(0.5))
-                parts.append((has, child, (first[has] + k).astype(np.int8), share))
-        return full, parts, at[cut], elements[at[cut]]
+        first, children = forest.first_slot(parents).astype(np.int8), forest.children_of(parents).T
+        quartered = np.flatnonzero(first == 0).astype(np.int32)
+        pair, rest = self._place[children[:2]], self._place[children[2:, quartered]]
+        return full, first, pair, quartered, rest, at[cut], elements[at[cut]]
 
     def push(self, coefficients: np.ndarray) -> np.ndarray:
         """Total at every element (n, m, c): its own coefficients plus what its ancestors hold, root to leaf. Exact."""
@@ -405,11 +402,14 @@ class Subtrees:
         """Coefficients (n, m, c) of every element from those of the leaves below it; the mean is kept to rounding."""
         total = coefficients.copy()
         filters = basis.two_scale(self._forest.order).astype(total.dtype)
-        for full, parts, cut, ids in self._up:
+        for full, first, pair, quartered, rest, cut, ids in self._up:
             if len(full):
                 above = np.zeros((len(full), *total.shape[1:]), total.dtype)
-                for has, child, slot, share in parts:
-                    above[has] += share.astype(total.dtype)[:, None, None] * np.matmul(filters[slot], total[child])
+                share = np.where(first == 0, 0.25, 0.5).astype(total.dtype)[:, None, None]
+                for k, child in enumerate(pair):
+                    above += share * np.matmul(filters[first + k], total[child])
+                for k, child in enumerate(rest, 2):
+                    above[quartered] += total.dtype.type(0.25) * np.matmul(filters[k], total[child])
                 total[full] = above
             if len(cut):
                 total[cut] = self._forest.pull_cut(ids, self._place, total)
