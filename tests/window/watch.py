@@ -11,7 +11,7 @@ import time
 import bpy
 
 LOOK = 0.01
-_state = {"count": 0, "pauses": {}, "pid": os.getpid()}
+_state = {"count": 0, "pauses": {}, "pid": os.getpid(), "version": bpy.app.version[:2]}
 _last = [time.perf_counter(), "start"]
 
 
