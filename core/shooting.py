@@ -96,7 +96,7 @@ class Shooter:
         self.received, self.shot = np.zeros((units, 3)), np.zeros((units, 3))
         self._fresh, self._marked = np.ones(units, bool), np.zeros(units, bool)
         self._iteration, self._last = 0, -1
-        self._factor, self._left = 1.0, float(np.abs(self.unshot).sum())
+        self._factor, self._most, self._left = 1.0, RELAXATION, float(np.abs(self.unshot).sum())
 
     def run(self, strategy: Strategy, rng: np.random.Generator, tolerance: float, max_iterations: int) -> Iterator[Shot | Radiosity]:
         """Shoot until the unshot part of the emitted power is at most ``tolerance``, and that of the light of each room ``DIM`` times
@@ -125,10 +125,11 @@ class Shooter:
         left = float(np.abs(self.unshot).sum())
         rate, self._left = left / max(self._left, 1e-300), left
         if rate >= 1:
-            self._factor = 1 + 0.5 * (self._factor - 1)
+            # An emitter that lights itself, as a room does, takes less: once too much, the factor stays below for good.
+            self._factor = self._most = 1 + 0.5 * (self._factor - 1)
         elif rate > self._factor - 1:
             squared = (rate + self._factor - 1) ** 2 / (rate * self._factor**2)
-            self._factor = min(max(self._factor, 2 / (1 + np.sqrt(max(1 - squared, 0)))), RELAXATION)
+            self._factor = min(max(self._factor, 2 / (1 + np.sqrt(max(1 - squared, 0)))), self._most)
 
     def _admissible(self, tolerance: float) -> np.ndarray:
         """(R,) W that each room may leave unshot: a part of all that its emitters have reflected so far, and yet will."""
@@ -148,7 +149,7 @@ class Shooter:
         """All that a shooter of the same links needs to go on from here; to be used before the next shot."""
         numbers = {name: getattr(self, name) for name in ("unshot", "received", "shot")}
         flags = {"fresh": self._fresh, "marked": self._marked}
-        at = {"at": np.array([self._iteration, self._last]), "pace": np.array([self._factor, self._left])}
+        at = {"at": np.array([self._iteration, self._last]), "pace": np.array([self._factor, self._most, self._left])}
         return {"light": self._light} | numbers | flags | at
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
@@ -159,7 +160,7 @@ class Shooter:
         self.unshot, self.received, self.shot = (state[name].copy() for name in ("unshot", "received", "shot"))
         self._fresh, self._marked = state["fresh"].copy(), state["marked"].copy()
         self._iteration, self._last = (int(x) for x in state["at"])
-        self._factor, self._left = (float(x) for x in state["pace"])
+        self._factor, self._most, self._left = (float(x) for x in state["pace"])
 
     def disk(self) -> dict[str, int]:
         """Bytes of light that were read and written, and of links that were read, because they are not in memory."""

@@ -105,9 +105,14 @@ def test_what_is_wrong_is_one_sentence(monkeypatch, tmp_path):
     assert run(monkeypatch, tmp_path, Solver(), "--scale", "much")[0] == 2
 
 
-def test_a_row_counts_what_its_shots_need(programs):
-    found = run_module("enfilade.docs.tables_row", "test_scene", 1 / 72, 1, json.dumps({"quality": "draft", "threads": 1}))
+@pytest.mark.parametrize("emitters", ["clusters", "cells"])
+def test_a_row_counts_what_its_shots_need(programs, emitters):
+    # A room lights itself: a shot of more than there is must not build up.
+    options = {"quality": "draft", "threads": 1, "emitters": emitters, "max_iterations": 40}
+    found = run_module("enfilade.docs.tables_row", "test_scene", 1 / 72, 1, json.dumps(options))
     replay, report = found["replay"], found["report"]
+    assert report["iterations"] < 40
+    assert report["energy"]["absorbed"] + report["energy"]["escaped"] == pytest.approx(report["energy"]["emitted"], rel=0.02)
     assert found["peak_bytes"] > found["base_bytes"] > 0
     assert replay["shots"] >= report["iterations"] > 1
     assert 0 < replay["set_bytes"] < replay["all_bytes"]
