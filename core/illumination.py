@@ -21,6 +21,9 @@ UNSEEN = 0.05
 UNFORESEEN = 0.25
 """Part of the mean light of a root element that may be the error of its few nodes."""
 
+BLACK = 0.05
+"""Surfaces are linked as though they reflected this much at least: to close a room the links between black ones must be right as well."""
+
 _BLOCK = 1 << 15
 """Elements that are worked on at once."""
 
@@ -149,7 +152,7 @@ def exitance_estimate(forest: Forest, direct: np.ndarray, room: np.ndarray) -> t
     for low in range(0, len(forest), _BLOCK):
         here = slice(low, min(low + _BLOCK, len(forest)))
         region, light = forest.region[here], direct[here]
-        reflectance = regions.reflectance[region]
+        reflectance = np.maximum(regions.reflectance[region], BLACK)
         mean = np.maximum(forest.mean(np.arange(here.start, here.stop), light), 0) + room[regions.room[region]]
         exitance[here] = (mean * reflectance).max(1)
         slope[here] = (np.sqrt((light[:, 1:].astype(np.float64) ** 2).sum(1)) * reflectance).max(1)
