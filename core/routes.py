@@ -6,7 +6,7 @@ shooting, both ways of a link apart, so that a shot reads one stretch for each s
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -83,15 +83,18 @@ class RoutesInMemory:
 
 
 class RoutesOnDisk:
-    """Routes in arrays that ``allocate`` makes room for, in stretches by emitter; links of one shape and way together."""
+    """Routes in arrays that ``allocate`` makes room for, in stretches by emitter; links of one shape and way together.
+
+    breathe : called between blocks of links
+    """
 
     on_disk = True
 
-    def __init__(self, links: list[LinkSet], emitters: Emitters, allocate: Allocate) -> None:
+    def __init__(self, links: list[LinkSet], emitters: Emitters, allocate: Allocate, breathe: Callable[[], None] = lambda: None) -> None:
         self._stretches: list[tuple[np.ndarray, np.ndarray]] = []
         for group in by_shape(links):
             for way in range(2):
-                self._stretches.append(_sorted(group, way, emitters, allocate))
+                self._stretches.append(_sorted(group, way, emitters, allocate, breathe))
 
     def beams(self, emitter: int) -> Iterator[Beam]:
         for table, start in self._stretches:
@@ -105,7 +108,9 @@ def _beam(source: np.ndarray, receiver: np.ndarray, exchange: np.ndarray) -> Bea
     return Beam(source, exchange, first, receiver[first])
 
 
-def _sorted(group: list[LinkSet], way: int, emitters: Emitters, allocate: Allocate) -> tuple[np.ndarray, np.ndarray]:
+def _sorted(
+    group: list[LinkSet], way: int, emitters: Emitters, allocate: Allocate, breathe: Callable[[], None]
+) -> tuple[np.ndarray, np.ndarray]:
     """A table (n,) of links with source, receiver, scale and steps, sorted by emitter and receiver, and (U + 1,) where emitters begin.
 
     The links are dealt out to their emitters first and sorted by receiver then: no more than a block of them is in memory.
@@ -134,6 +139,7 @@ def _sorted(group: list[LinkSet], way: int, emitters: Emitters, allocate: Alloca
         rows["scale"] = part.scale[order]
         rows["steps"] = steps[order]
         table[to] = rows
+        breathe()
     # Emitters of few links are sorted together.
     low = 0
     while low < len(emitters):
@@ -142,4 +148,5 @@ def _sorted(group: list[LinkSet], way: int, emitters: Emitters, allocate: Alloca
         emitter = np.repeat(np.arange(low, high), count[low:high])
         table[start[low] : start[high]] = rows[np.lexsort((rows["receiver"], emitter))]
         low = high
+        breathe()
     return table, start

@@ -205,7 +205,7 @@ def routes_of(links: list[LinkSet], emitters: Emitters, space: Space) -> Routes:
     """The links by emitter, in memory if they fit."""
     if space.fits(sum(group.nbytes for group in links)):
         return RoutesInMemory(links, emitters)
-    return RoutesOnDisk(links, emitters, space.zeros)
+    return RoutesOnDisk(links, emitters, space.zeros, space.breathe)
 
 
 def shoot(
