@@ -46,7 +46,7 @@ def test_the_window_stays_alive_during_a_bake(package, tmp_path):
     shutil.copy(APARTMENT, tmp_path)
     shutil.copy(ROOT / "tests" / "window" / "pauses.py", tmp_path)
     (tmp_path / "profile" / "config").mkdir(parents=True)
-    script = f"export BLENDER_USER_RESOURCES=$PWD/profile; {INSTALL} && {MEASURE}"
+    script = f"export BLENDER_USER_RESOURCES=$PWD/profile; {INSTALL} || exit 1; {MEASURE}"
     command = [*shlex.split(os.environ[SHELL]), "bash", "-c", script]
     done = subprocess.run(command, cwd=tmp_path, check=False, capture_output=True, text=True, timeout=1200)
     lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
