@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -159,9 +159,9 @@ def exitance_estimate(forest: Forest, direct: np.ndarray, room: np.ndarray) -> t
     return exitance, slope
 
 
-def extended(forest: Forest, light: np.ndarray, allocate: Allocate = np.zeros) -> np.ndarray:
+def extended(forest: Forest, light: np.ndarray, allocate: Allocate = np.zeros, breathe: Callable[[], None] = lambda: None) -> np.ndarray:
     """Coefficients of all elements (E, m, 3) from those of the first ones that were leaves then: a younger element is a part
-    of its parent. ``allocate`` makes room like ``np.zeros``.
+    of its parent. ``allocate`` makes room like ``np.zeros``; ``breathe`` is called between blocks of work.
     """
     out = allocate((len(forest), *light.shape[1:]), np.float32)
     trees_in_turn = emitters_of(forest, forest.region, len(forest.regions), allocate)
@@ -173,6 +173,7 @@ def extended(forest: Forest, light: np.ndarray, allocate: Allocate = np.zeros) -
         own = np.zeros((len(elements), *light.shape[1:]), np.float32)
         own[rows] = light[elements[rows]]
         out[elements] = trees.pull(np.where(forest.leaf_of(elements)[:, None, None], trees.push(own), 0))
+        breathe()
     return out
 
 

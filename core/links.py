@@ -183,11 +183,17 @@ class Gains:
 
 
 def closing_gains(
-    forest: Forest, links: list[LinkSet], kept: np.ndarray, emitters: Emitters | None = None, allocate: Allocate = np.zeros
+    forest: Forest,
+    links: list[LinkSet],
+    kept: np.ndarray,
+    emitters: Emitters | None = None,
+    allocate: Allocate = np.zeros,
+    breathe: Callable[[], None] = lambda: None,
 ) -> Gains:
     """The gains that close the links of leaves in closed rooms.
 
     kept : (E,) the part of the light in the room of each element that surfaces receive, 1 but for seams; 0 where a room is not closed
+    breathe : called between blocks of work, as ``Space.breathe``
     From exitance 1 all around, a point of a closed room receives this part, and this part of what a point sends arrives; what the
     links give instead is their error. One gain makes up for what the other leaves, in turn (Sinkhorn and Knopp 1967): that of what
     is received, of what is sent, and of what is received once more. A node that sees next to nothing is left at 1.
@@ -197,7 +203,7 @@ def closing_gains(
     one[:, 0] = 1
 
     def gain(exitance: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        own = _arriving(forest, links, exitance, allocate)
+        own = _arriving(forest, links, exitance, allocate, breathe)
         out = allocate((len(forest), forest.node_count), np.float32)
         for places in emitters.blocks():
             elements, trees = emitters.order[places], emitters.trees_of_block(forest, places)
@@ -206,6 +212,7 @@ def closing_gains(
             leaf = forest.leaf_of(elements)[:, None]
             known = (whole > 0) & leaf & (total > CLOSURE[0]) & (total < CLOSURE[1])
             out[elements] = np.where(known, whole / np.where(known, total, 1), 1)
+            breathe()
         return out
 
     def pulled(node_values: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
@@ -215,6 +222,7 @@ def closing_gains(
             leaf = forest.leaf_of(elements)[:, None, None]
             values = forest.from_nodes(elements, node_values[elements, :, None])
             out[elements] = emitters.trees_of_block(forest, places).pull(np.where(leaf, values, 0))
+            breathe()
         return lambda elements: out[elements]
 
     received = gain(lambda elements: np.broadcast_to(one, (len(elements), *one.shape[1:])))
@@ -232,6 +240,7 @@ def _arriving(
     links: list[LinkSet],
     exitance: Callable[[np.ndarray], np.ndarray],
     allocate: Allocate,
+    breathe: Callable[[], None] = lambda: None,
 ) -> np.ndarray:
     """(E, m, 1) float32 coefficients of what every element receives over its own links from ``exitance`` (n, m, 1) of elements (n,)."""
     gathered = allocate((len(forest), forest.node_count, 1), np.float32)
@@ -250,6 +259,7 @@ def _arriving(
                 constant[to[first]] += total
             else:
                 gathered[to[first], :, 0] += total
+        breathe()
     own = allocate((len(forest), forest.functions, 1), np.float32)
     for low in range(0, len(forest), BLOCK):
         here = np.arange(low, min(low + BLOCK, len(forest)))

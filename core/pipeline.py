@@ -85,7 +85,7 @@ def _steps(scene: Scene, options: Options, desk: Workspace) -> Generator[Progres
     unit, units = (np.arange(len(clusters)), len(clusters)) if by_cluster else (clusters.room, scene.room_count)
     emitters = emitters_of(forest, unit[clusters.cluster_of[forest.region]], units, space.zeros)
     kept = np.where(closed, 1 - lost, 0).astype(np.float32)[surfaces.room[forest.region]]
-    gains = links.closing_gains(forest, linked.links, kept, emitters, space.zeros)
+    gains = links.closing_gains(forest, linked.links, kept, emitters, space.zeros, space.breathe)
     yield Progress("solve", 0.7, f"Ordering {units:,} emitters")
     sets = ordering.visible_sets(building.graph, clusters.polygons, unit, units)
     routes = stages.routes_of(linked.links, emitters, space)

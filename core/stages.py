@@ -170,7 +170,7 @@ def link(building: Building, lit: Lit, limits: Tolerances, desk: Workspace) -> G
     collector = LinkCollector(space.zeros if space.limited else None)
     steps = refinement.link(building, forest, estimate, limits.min_size, desk.crew, collector)
     made = yield from _follow(steps, 0.2, 0.7, lambda: f"Linking {len(forest):,} elements")
-    light = illumination.extended(forest, lit.light, space.zeros)
+    light = illumination.extended(forest, lit.light, space.zeros, space.breathe)
     lost = escape.lost_share(building, forest, desk.crew)
     give_back_free()  # blocks of work leave holes between what stays
     seconds = clock.lap("link")
