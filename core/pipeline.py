@@ -115,6 +115,7 @@ def _steps(scene: Scene, options: Options, desk: Workspace) -> Generator[Progres
     clock.seconds["solve"] = sum(clock.seconds[part] for part in PARTS)
 
     irradiance = _added(light, radiosity.irradiance, space)
+    space.release()
     escaped = escape.escaped_power(building, forest, irradiance, lost, desk.crew)
     report = report_of(scene.polygon_count, building, forest, linked, radiosity, irradiance, closed, emitted, escaped)
     report |= {"shadow_tests": linked.shadow_tests, "warnings": findings + idle_lamps(building, scene.lamps, lamps), "disk": dict(disk)}
@@ -123,6 +124,7 @@ def _steps(scene: Scene, options: Options, desk: Workspace) -> Generator[Progres
     rays = 0 if options.reflected == "elements" else limits.rays
     groups = tuple(parts) if scene.groups is not None else ()
     solution = Solution(scene, building, forest, lamps, light, radiosity.irradiance, rays, limits.min_size / 2, desk.crew, report, groups)
+    space.release()
     desk.store.keep("light", solution.light)
     return solution
 
