@@ -17,10 +17,11 @@ import numpy as np
 from . import transport
 from .building import Building
 from .exitance_map import ExitanceMap
+from .glass import through_panes
 from .grouping import morton
 from .occlusion import Blockers, hemisphere, kronecker
 from .parallel import Crew
-from .ray_fans import Faces, Workspace, aimed, directed, faces_of, look
+from .ray_fans import Faces, Sights, Workspace, aimed, directed, faces_of, look
 from .short_paths import Ends, close, ends_of, followed, joined
 
 NEAR = 0.1
@@ -48,13 +49,35 @@ class _Room:
 
     frames : its portals that lead to other rooms, transmittance : (p,) of each
     all_round : faces for rays over the hemisphere, where these end in all portals, and then where they pass the first, second, ..
-    beyond : for each portal, the faces behind it and in the room
+    beyond : for each portal, the faces behind it and in the room;  glass : for each portal, what dims the light behind it once more
     """
 
     frames: Blockers
     transmittance: np.ndarray
     all_round: tuple[Faces, ...]
     beyond: tuple[Faces, ...]
+    glass: tuple[_Glass | None, ...]
+
+
+@dataclass(frozen=True)
+class _Glass:
+    """Panes that rays through a portal may meet after it, where there are any; what lies in the room next to it is seen through none.
+
+    next : (P,) bool, pieces in the room behind the portal;  transmittance : (K,) of all portals
+    """
+
+    panes: Blockers
+    next: np.ndarray
+    transmittance: np.ndarray
+
+    def dimmed(self, sights: Sights, origins: np.ndarray, rays: np.ndarray) -> np.ndarray:
+        """(s,) part of the light that passes from what rays (s, 3) from ``origins`` (s, 3) meet."""
+        out = np.ones(len(sights.piece), np.float32)
+        far = np.flatnonzero(~self.next[sights.piece])
+        if len(far):
+            end = origins[far] + rays[far] / sights.near[far, None]
+            out[far] = through_panes(self.panes, self.transmittance, origins[far], end)
+        return out
 
 
 def gather(building: Building, exitance: ExitanceMap, points: np.ndarray, region: np.ndarray, rays: int, crew: Crew) -> Iterator[Gathered]:
@@ -85,9 +108,11 @@ def _room(building: Building, room: int) -> _Room:
     near = building.blockers_of(building.regions_of(building.surroundings(clusters))[0])
     near_room = regions.room[near.region]
     everything = np.arange(len(open_))
-    all_round, beyond = [faces_of(inside, frames)], []
+    all_round, beyond, glass = [faces_of(inside, frames)], [], []
+    piece_room = regions.room[building.blockers.region]
     for k, (first, second) in zip(range(len(open_)), doors.rooms[open_], strict=True):
-        reached = _reached(doors.rooms, building.room_count, room, second if first == room else first)
+        other = second if first == room else first
+        reached = _reached(doors.rooms, building.room_count, room, other)
         # The normal of a portal runs from its first room to its second.
         side = 1.0 if first == room else -1.0
         height = side * (near.corners @ frames.normal[k] - frames.offset[k, 0])
@@ -95,7 +120,11 @@ def _room(building: Building, room: int) -> _Room:
         found = near.take(np.flatnonzero(behind | (near_room == room)))
         all_round.append(faces_of(found, frames.take(everything[everything != k])))
         beyond.append(faces_of(found, frames.take(everything[:0])))
-    return _Room(frames, doors.transmittance[open_], tuple(all_round), tuple(beyond))
+        reached[room] = True
+        after = (doors.rooms >= 0).all(1) & reached[doors.rooms].all(1) & (np.arange(len(doors.rooms)) != open_[k])
+        panes = doors.panes.take(np.flatnonzero(after[doors.panes.region]))
+        glass.append(_Glass(panes, piece_room == other, doors.transmittance) if len(panes) else None)
+    return _Room(frames, doors.transmittance[open_], tuple(all_round), tuple(beyond), tuple(glass))
 
 
 def _reached(links: np.ndarray, count: int, room: int, start: int) -> np.ndarray:
@@ -177,10 +206,10 @@ def _gather(building: Building, room: _Room, exitance: ExitanceMap, index, point
         for n in np.unique(number):
             mine = rows[number == n]
             dimmed = form[:, portal] * room.transmittance[portal]
-            _through(room.beyond[portal], corners, exitance, points, normals, dimmed, mine, int(n), work, out)
+            _through(room.beyond[portal], room.glass[portal], corners, exitance, points, normals, dimmed, mine, int(n), work, out)
     if ends:
-        row, places = np.concatenate([row for row, _ in ends]), joined([place for _, place in ends])
-        light = followed(places, room.all_round, room.beyond, room.transmittance, building.blockers.normal, exitance, work)
+        row, share, places = (np.concatenate([e[j] for e in ends]) if j < 2 else joined([e[j] for e in ends]) for j in range(3))
+        light = share[:, None] * followed(places, room.all_round, room.beyond, room.transmittance, building.blockers.normal, exitance, work)
         _add(out, row, light / rays)
     return Gathered(index, out.astype(np.float32))
 
@@ -193,12 +222,12 @@ def _add(out: np.ndarray, row: np.ndarray, light: np.ndarray) -> None:
 
 def _over_hemisphere(
     room: _Room, portal: int, frame: np.ndarray, blocker_normals: np.ndarray, exitance: ExitanceMap, points, rows, rays: int, work, out
-) -> list[tuple[np.ndarray, Ends]]:
+) -> list[tuple[np.ndarray, np.ndarray, Ends]]:
     """Add to ``out`` (n, c) what rays over the hemisphere find from the points ``rows``, all with one frame (3, 3), near ``portal`` or -1.
 
-    Returns the rays that end close by, which have not been counted: their points and ends.
+    Returns the rays that end close by, which have not been counted: their points, what part of their light arrives, and ends.
     """
-    faces = room.all_round[portal + 1]
+    faces, glass = room.all_round[portal + 1], room.glass[portal] if portal >= 0 else None
     ends = []
     sheaves = ray_sheaves(rays)
     direction, axis = (sheaves.direction @ frame).astype(np.float32), sheaves.axis @ frame
@@ -214,16 +243,38 @@ def _over_hemisphere(
             for sights in look(some, directed(some, direction[here]), exitance, points[part], work):
                 near = close(sights, exitance, normal, blocker_normals)
                 far, near = np.flatnonzero(~near), np.flatnonzero(near)
-                _add(found, sights.point[far], exitance.exitance[sights.texel[far]])
+                light, share = exitance.exitance[sights.texel[far]], np.float32(1)
+                if glass is not None:
+                    share = glass.dimmed(sights, points[part[sights.point]], direction[here][sights.ray])
+                    light *= share[far, None]
+                _add(found, sights.point[far], light)
                 if len(near):
                     sights = sights.take(near)
                     row = part[sights.point]
-                    ends.append((row, ends_of(sights, points[row], direction[here][sights.ray], portal)))
+                    ends.append(
+                        (
+                            row,
+                            np.broadcast_to(share, len(far) + len(near))[near],
+                            ends_of(sights, points[row], direction[here][sights.ray], portal),
+                        )
+                    )
         out[part] += found / rays
     return ends
 
 
-def _through(faces: Faces, portal: np.ndarray, exitance: ExitanceMap, points, normals, form, rows, rays: int, work: Workspace, out) -> None:
+def _through(
+    faces: Faces,
+    glass: _Glass | None,
+    portal: np.ndarray,
+    exitance: ExitanceMap,
+    points,
+    normals,
+    form,
+    rows,
+    rays: int,
+    work: Workspace,
+    out,
+) -> None:
     """Add to ``out`` (n, c) what rays to places in a portal (4, 3) find behind it from the points ``rows``."""
     places = _places(portal, rays)
     middle = portal.mean(0)
@@ -242,7 +293,10 @@ def _through(faces: Faces, portal: np.ndarray, exitance: ExitanceMap, points, no
         weight *= (form[part] / np.maximum(weight.sum(1), 1e-30))[:, None]
         found = np.zeros((len(part), exitance.channels))
         for sights in look(some, aimed(some, places), exitance, points[part], work):
-            _add(found, sights.point, exitance.exitance[sights.texel] * weight[sights.point, sights.ray, None])
+            share = weight[sights.point, sights.ray]
+            if glass is not None:
+                share = share * glass.dimmed(sights, points[part[sights.point]], offset[sights.point, sights.ray])
+            _add(found, sights.point, exitance.exitance[sights.texel] * share[:, None])
         out[part] += found
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .building import Building
-from .occlusion import cut_segments
+from .occlusion import Blockers, cut_segments
 
 
 def through_glass(
@@ -25,6 +25,19 @@ def through_glass(
         pair, pane = np.repeat(other, len(mine)), np.tile(np.arange(len(mine)), len(other))
         cut = cut_segments(mine, pair, pane, a, b).hidden
         out[cut] *= np.float32(building.doors.transmittance[door])
+    return out
+
+
+def through_panes(panes: Blockers, transmittance: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(n,) float32: part of the light that passes along segments from a to b (n, 3) float32, each on its own.
+
+    panes : triangles, ``region`` being the portal of each;  transmittance : (K,) of all portals
+    """
+    out = np.ones(len(a), np.float32)
+    for door in np.unique(panes.region):
+        mine = panes.take(np.flatnonzero(panes.region == door))
+        pair, pane = np.repeat(np.arange(len(a)), len(mine)), np.tile(np.arange(len(mine)), len(a))
+        out[cut_segments(mine, pair, pane, a[:, None], b[:, None]).hidden[:, 0, 0]] *= np.float32(transmittance[door])
     return out
 
 

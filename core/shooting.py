@@ -24,7 +24,7 @@ from .store import Residency, Space, give_back
 
 DIM = 10.0
 """The unshot part of any one room's light may be this many times the part of the whole building's."""
-RELAXATION = 1.8
+RELAXATION = 1.5
 """Most times what they have not shot that emitters shoot, because some of it will come back."""
 ROUNDING = 1e-6
 """A room with less than this part of the emitted light holds what single precision lets slip through its walls: nobody waits for it."""
@@ -96,7 +96,7 @@ class Shooter:
         self.received, self.shot = np.zeros((units, 3)), np.zeros((units, 3))
         self._fresh, self._marked = np.ones(units, bool), np.zeros(units, bool)
         self._iteration, self._last = 0, -1
-        self._factor, self._most, self._left = 1.0, RELAXATION, float(np.abs(self.unshot).sum())
+        self._factor, self._most, self._grown, self._left = 1.0, RELAXATION, 0, float(np.abs(self.unshot).sum())
 
     def run(self, strategy: Strategy, rng: np.random.Generator, tolerance: float, max_iterations: int) -> Iterator[Shot | Radiosity]:
         """Shoot until the unshot part of the emitted power is at most ``tolerance``, and that of the light of each room ``DIM`` times
@@ -124,7 +124,9 @@ class Shooter:
         """Choose the factor of the next iteration from what the last one has left (Young 1954; Hageman and Young 1981, section 9.5)."""
         left = float(np.abs(self.unshot).sum())
         rate, self._left = left / max(self._left, 1e-300), left
-        if rate >= 1:
+        # The first iteration with a larger factor may leave more, the second must not.
+        self._grown = self._grown + 1 if rate >= 1 else 0
+        if self._grown > 1:
             # An emitter that lights itself, as a room does, takes less: once too much, the factor stays below for good.
             self._factor = self._most = 1 + 0.5 * (self._factor - 1)
         elif rate > self._factor - 1:
@@ -149,7 +151,7 @@ class Shooter:
         """All that a shooter of the same links needs to go on from here; to be used before the next shot."""
         numbers = {name: getattr(self, name) for name in ("unshot", "received", "shot")}
         flags = {"fresh": self._fresh, "marked": self._marked}
-        at = {"at": np.array([self._iteration, self._last]), "pace": np.array([self._factor, self._most, self._left])}
+        at = {"at": np.array([self._iteration, self._last]), "pace": np.array([self._factor, self._most, self._grown, self._left])}
         return {"light": self._light} | numbers | flags | at
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
@@ -160,7 +162,7 @@ class Shooter:
         self.unshot, self.received, self.shot = (state[name].copy() for name in ("unshot", "received", "shot"))
         self._fresh, self._marked = state["fresh"].copy(), state["marked"].copy()
         self._iteration, self._last = (int(x) for x in state["at"])
-        self._factor, self._most, self._left = (float(x) for x in state["pace"])
+        self._factor, self._most, self._grown, self._left = (float(x) for x in state["pace"])
 
     def disk(self) -> dict[str, int]:
         """Bytes of light that were read and written, and of links that were read, because they are not in memory."""

@@ -59,6 +59,32 @@ def test_reflected_light_through_glass(reflected):
     assert dark == pytest.approx(0, abs=1e-3 * free)  # what is in the plane of a door is on neither side of it
 
 
+@pytest.mark.parametrize("panes", [(0.5, 0.5), (0.98, 0.5), (0.5, 0.98)], ids=str)
+def test_every_pane_on_the_way_dims(panes):
+    """Three rooms in a row; only the first reflects. In the last one arrives what passes both doors, gathered as well as direct."""
+    rooms = [*box(high=(4, 3, 3), leave_out="x+"), *box(low=(4, 0, 0), high=(6, 3, 3), leave_out="x- x+")]
+    rooms += box(low=(6, 0, 0), high=(10, 3, 3), leave_out="x-")
+    sizes = [5, len(rooms) - 10, 5]
+    wall = [rectangle((4, y, z), (0, 0, 3 - z), (0, 1, 0)) for y, z in ((0, 0), (2, 0), (1, 2))]
+    walls = [w + [x, 0, 0] for x in (0, 2) for w in wall]
+    walls = [*walls[:3], *[w[::-1] for w in walls[:3]], *walls[3:], *[w[::-1] for w in walls[3:]]]
+    room = np.repeat([0, 1, 2, 0, 1, 1, 2], [*sizes, 3, 3, 3, 3])
+    doors = [rectangle((x, 1, 0), (0, 1, 0), (0, 0, 2)) for x in (4, 6)]
+    at = np.column_stack([np.random.default_rng(0).uniform((7.5, 0.8), (9.5, 2.2), (300, 2)), np.zeros(300)])
+    floor = next(k for k, p in enumerate(rooms) if (p[:, 2] == 0).all() and p[:, 0].max() == 10)
+    lamps = Lamps(area_lamp(rectangle((1, 1, 2.9), (0, 1, 0), (1, 0, 0)), 100.0))
+    light = []
+    for glass in ((0.98, 0.98), panes):
+        for reflectance in (0.7, 0.0):
+            portals = replace(portals_of(doors, [[0, 1], [1, 2]]), transmittance=np.array(glass))
+            scene = scene_of([*rooms, *walls], reflectance=np.where(room == 0, reflectance, 0.0), room=room.tolist(), portals=portals)
+            solution = solve(replace(scene, lamps=lamps), Options(quality="draft", threads=1))
+            light.append(solution.irradiance(at, np.full(300, floor)).mean())
+    reflected, dimmed = light[0] - light[1], light[2] - light[3]
+    assert reflected > 0.2 * light[1]
+    assert dimmed / reflected == pytest.approx(panes[0] * panes[1] / 0.98**2, rel=2e-3)
+
+
 def test_glass_in_a_window_dims_sun_and_sky():
     faces = box(high=(4, 3, 3), leave_out="z+")
     hole = rectangle((1, 1, 3), (2, 0, 0), (0, 1, 0))
