@@ -249,15 +249,10 @@ def _over_hemisphere(
                     light *= share[far, None]
                 _add(found, sights.point[far], light)
                 if len(near):
+                    share = np.broadcast_to(share, len(sights.piece))[near]
                     sights = sights.take(near)
                     row = part[sights.point]
-                    ends.append(
-                        (
-                            row,
-                            np.broadcast_to(share, len(far) + len(near))[near],
-                            ends_of(sights, points[row], direction[here][sights.ray], portal),
-                        )
-                    )
+                    ends.append((row, share, ends_of(sights, points[row], direction[here][sights.ray], portal)))
         out[part] += found / rays
     return ends
 

@@ -20,7 +20,7 @@ from .options import Options
 from .progress import Progress, TimeLeft
 from .report import emitted_power, report_of
 from .scene import Scene
-from .shooting import Radiosity, Shooter, summed
+from .shooting import RELAXATION, Radiosity, Shooter, summed
 from .solution import Contribution, Solution
 from .store import Space
 from .workspace import Workspace, workspace
@@ -99,7 +99,9 @@ def _steps(scene: Scene, options: Options, desk: Workspace) -> Generator[Progres
         power = emitted_power(one.building) + lamp_power(one.scene.lamps)
         power += entered_power(one.building, forest, one.kinds, first, desk.crew)
         strategy = ordering.STRATEGIES[options.ordering](sets)
-        shooter = Shooter(forest, routes, emitters, rooms, first, gains, power, space)
+        # A room lights itself: what it shoots too much comes back at once.
+        most = RELAXATION if by_cluster else 1.0
+        shooter = Shooter(forest, routes, emitters, rooms, first, gains, power, space, most)
         if one is lightings[-1]:
             del routes  # the shooter alone knows when they can go
 

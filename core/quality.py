@@ -16,7 +16,7 @@ class Tolerances:
 
     exchange : admissible error of one exchange between two elements
     direct : admissible error of the direct light on one element, as a source of reflected light
-    min_size : metres, shortest long edge of an element
+    min_size, link_size : metres, shortest long edges of elements that the light of luminaires asks for, and that exchanges ask for
     unshot : unshot over emitted power at which the shooting stops
     rays : over the hemisphere of a point, for the final gathering
     """
@@ -24,6 +24,7 @@ class Tolerances:
     exchange: float
     direct: float
     min_size: float
+    link_size: float
     unshot: float
     rays: int
 
@@ -41,4 +42,7 @@ def tolerances(options: Options, regions: Regions) -> Tolerances:
     exchange, direct, fraction, unshot, rays = _TABLE[options.quality]
     surface = np.bincount(regions.room, regions.area)
     typical = float(np.sqrt(np.median(surface[surface > 0])))
-    return Tolerances(exchange, direct, options.min_element_size or fraction * typical, unshot, rays)
+    smallest = options.min_element_size or fraction * typical
+    # Gathering finds the reflected light of corners and contacts anew at every point, from elements of twice the size as well.
+    linked = smallest if options.reflected == "elements" else 2 * smallest
+    return Tolerances(exchange, direct, smallest, linked, unshot, rays)

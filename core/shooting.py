@@ -25,7 +25,7 @@ from .store import Residency, Space, give_back
 DIM = 10.0
 """The unshot part of any one room's light may be this many times the part of the whole building's."""
 RELAXATION = 1.5
-"""Most times what they have not shot that emitters shoot, because some of it will come back."""
+"""Most times what they have not shot that clusters shoot, because some of it will come back."""
 ROUNDING = 1e-6
 """A room with less than this part of the emitted light holds what single precision lets slip through its walls: nobody waits for it."""
 
@@ -63,6 +63,7 @@ class Shooter:
     direct : (E, m, 3) irradiance from luminaires at every element, ancestors included
     gains : of the links;  emitted : W, for the convergence test
     space : where the light is kept. What is not in memory of it goes to disk emitter by emitter.
+    most : times what it has not shot that an emitter may shoot
     """
 
     def __init__(
@@ -75,6 +76,7 @@ class Shooter:
         gains: Gains,
         emitted: float,
         space: Space | None = None,
+        most: float = RELAXATION,
     ):
         self._forest, self._routes, self._emitters, self._emitted = forest, routes, emitters, emitted
         self._rooms, self._first, self._gains = rooms, direct, gains
@@ -96,7 +98,7 @@ class Shooter:
         self.received, self.shot = np.zeros((units, 3)), np.zeros((units, 3))
         self._fresh, self._marked = np.ones(units, bool), np.zeros(units, bool)
         self._iteration, self._last = 0, -1
-        self._factor, self._most, self._grown, self._left = 1.0, RELAXATION, 0, float(np.abs(self.unshot).sum())
+        self._factor, self._most, self._grown, self._left = 1.0, most, 0, float(np.abs(self.unshot).sum())
 
     def run(self, strategy: Strategy, rng: np.random.Generator, tolerance: float, max_iterations: int) -> Iterator[Shot | Radiosity]:
         """Shoot until the unshot part of the emitted power is at most ``tolerance``, and that of the light of each room ``DIM`` times

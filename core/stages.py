@@ -168,7 +168,7 @@ def link(building: Building, lit: Lit, limits: Tolerances, desk: Workspace) -> G
     limit = limits.exchange * lit.room.max(1) * np.sqrt(wall)
     estimate = refinement.Estimate(*illumination.exitance_estimate(forest, lit.light, lit.room), limit[building.regions.room])
     collector = LinkCollector(space.zeros if space.limited else None)
-    steps = refinement.link(building, forest, estimate, limits.min_size, desk.crew, collector)
+    steps = refinement.link(building, forest, estimate, limits.link_size, desk.crew, collector)
     made = yield from _follow(steps, 0.2, 0.7, lambda: f"Linking {len(forest):,} elements")
     light = illumination.extended(forest, lit.light, space.zeros, space.breathe)
     lost = escape.lost_share(building, forest, desk.crew)

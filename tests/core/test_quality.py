@@ -24,7 +24,7 @@ def test_better_qualities_allow_less():
 def test_sizes_scale_with_the_scene_and_errors_do_not(quality):
     small, large = (tolerances(Options(quality=quality), merge(scene_of(box(high=(s, 2 * s, s))))) for s in (1.0, 10.0))
     assert large.min_size == pytest.approx(10 * small.min_size)
-    assert dataclasses.replace(large, min_size=0) == dataclasses.replace(small, min_size=0)
+    assert dataclasses.replace(large, min_size=0, link_size=0) == dataclasses.replace(small, min_size=0, link_size=0)
 
 
 def test_the_room_in_the_middle_sets_the_size():
@@ -37,3 +37,10 @@ def test_the_room_in_the_middle_sets_the_size():
 
 def test_a_size_that_the_user_asks_for_is_taken():
     assert tolerances(Options(min_element_size=0.07), merge(scene_of(box()))).min_size == 0.07
+
+
+def test_elements_that_speak_for_themselves_are_linked_as_finely_as_they_are_lit():
+    regions = merge(scene_of(box()))
+    alone, gathered = (tolerances(Options(reflected=r), regions) for r in ("elements", "gathered"))
+    assert alone.link_size == alone.min_size == gathered.min_size
+    assert gathered.link_size == 2 * gathered.min_size
