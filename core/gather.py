@@ -243,7 +243,7 @@ def _over_hemisphere(
             for sights in look(some, directed(some, direction[here]), exitance, points[part], work):
                 near = close(sights, exitance, normal, blocker_normals)
                 far, near = np.flatnonzero(~near), np.flatnonzero(near)
-                light, share = exitance.exitance[sights.texel[far]], np.float32(1)
+                light, share = exitance.all_of(sights.texel[far]), np.float32(1)
                 if glass is not None:
                     share = glass.dimmed(sights, points[part[sights.point]], direction[here][sights.ray])
                     light *= share[far, None]
@@ -291,7 +291,7 @@ def _through(
             share = weight[sights.point, sights.ray]
             if glass is not None:
                 share = share * glass.dimmed(sights, points[part[sights.point]], offset[sights.point, sights.ray])
-            _add(found, sights.point, exitance.exitance[sights.texel] * share[:, None])
+            _add(found, sights.point, exitance.all_of(sights.texel) * share[:, None])
         out[part] += found
 
 

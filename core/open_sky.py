@@ -64,7 +64,7 @@ class OpenSky:
                 some = faces.take(np.flatnonzero(seen[:, t]))
                 fan = directed(some, direction[sheaves.start[t] : sheaves.start[t + 1]])
                 for sights in look(some, fan, self.radiant, points[part], work):
-                    light = self.radiant.exitance[sights.texel]
+                    light = self.radiant.all_of(sights.texel)
                     for c in range(3):
                         out[part, c] += np.bincount(sights.point, light[:, c], minlength=len(part)) / RAYS
 
@@ -90,5 +90,5 @@ def open_sky(sky: Sky, building: Building, outdoors: Outdoors) -> OpenSky | None
     width = np.concatenate([np.ones(count, np.int32), np.full(6, TEXELS, np.int32)])
     values = np.concatenate([np.zeros((1, 3)), light]).astype(np.float32)
     return OpenSky(
-        outdoors.regions, cube, ExitanceMap(start, width, width, values, values, np.zeros((count + 6, 3), np.float32), 2 * size / TEXELS)
+        outdoors.regions, cube, ExitanceMap.of(start, width, width, values, values, np.zeros((count + 6, 3), np.float32), 2 * size / TEXELS)
     )

@@ -82,18 +82,18 @@ def followed(
     out = np.zeros((len(ends.piece), exitance.channels), np.float32)
     share, active = np.ones_like(out), np.arange(len(out))
     for bounce in range(MOST - 1):
-        out[active] += share[active] * exitance.direct[ends.texel]
+        out[active] += share[active] * exitance.direct_of(ends.texel)
         share[active] *= exitance.reflectance[ends.piece]
         direction = _scattered(normals[ends.piece], active + bounce * len(out))
         met, rows, near = _meet(ends, direction, all_round, beyond, normals, exitance, work)
         passed = np.flatnonzero(met.portal != ends.portal[rows])
         rows, far = active[rows], ~near
         share[rows[passed]] *= transmittance[met.portal[passed], None]
-        out[rows[far]] += share[rows[far]] * exitance.exitance[met.texel[far]]
+        out[rows[far]] += share[rows[far]] * exitance.all_of(met.texel[far])
         active, ends = rows[near], met.take(np.flatnonzero(near))
         if not len(active):
             return out
-    out[active] += share[active] * exitance.exitance[ends.texel]
+    out[active] += share[active] * exitance.all_of(ends.texel)
     return out
 
 

@@ -15,7 +15,7 @@ def painted(building, bright) -> ExitanceMap:
     ones = np.ones(count, np.int32)
     light = np.isin(building.regions.piece_region, bright).astype(np.float32)
     light = np.repeat(light[:, None], 3, 1)
-    return ExitanceMap(np.arange(count), ones, ones, light, light, 0 * light, 0.0)
+    return ExitanceMap.of(np.arange(count), ones, ones, light, light, 0 * light, 0.0)
 
 
 def gathered(building, exitance, points, region, rays=1024, workers=1):
@@ -182,8 +182,8 @@ def test_a_map_holds_the_function_of_the_elements(order):
     element, local = forest.locate(regions.piece_region[piece], uv)
     reflectance = regions.reflectance[regions.piece_region[piece]]
     exact = np.einsum("nm,nmc->nc", basis.evaluate(order, local), light[element]) * reflectance
-    np.testing.assert_allclose(found.exitance[texel], exact, atol=1e-5)
-    np.testing.assert_allclose(found.direct[texel], 0.5 * exact, atol=1e-5)
+    np.testing.assert_allclose(found.all_of(texel), exact, rtol=2**-11 + 1e-5)
+    np.testing.assert_allclose(found.direct_of(texel), 0.5 * exact, rtol=2**-11 + 2e-5)
     np.testing.assert_allclose(found.reflectance[piece], reflectance, atol=1e-6)
     assert max(found.width.max(), found.height.max()) <= MOST
 
@@ -193,7 +193,7 @@ def narrow(reflectance, wrong):
     building = building_of(scene_of(box(high=(2, 2, 0.02)), reflectance=reflectance))
     count = len(building.regions.piece_region)
     ones, light = np.ones(count, np.int32), np.full((count, 3), np.float32(0.5))
-    return building, ExitanceMap(
+    return building, ExitanceMap.of(
         np.arange(count), ones, ones, 0 * light + np.float32(wrong), light, 0 * light + np.float32(reflectance), 1.0
     )
 
@@ -227,7 +227,7 @@ def test_paths_leave_a_slit_through_a_portal():
     building = building_of(scene_of(walls, reflectance=0.5, room=room, portals=portals_of([door], [(0, 1)])))
     count = len(building.regions.piece_region)
     ones, light = np.ones(count, np.int32), np.full((count, 3), np.float32(0.5))
-    exitance = ExitanceMap(np.arange(count), ones, ones, 2 * light, light, light, 1.0)
+    exitance = ExitanceMap.of(np.arange(count), ones, ones, 2 * light, light, light, 1.0)
     points = np.column_stack([np.linspace(0.01, 0.99, 40), np.linspace(0.3, 1.2, 40), np.zeros(40)])
     region = np.flatnonzero((building.regions.normal[:, 2] > 0.9) & (building.regions.room == 0))
     # Of the 256 rays a portal stops a whole number, not just its form factor of them: up to one in a hundred near it.
