@@ -10,13 +10,13 @@ from .options import Options
 from .polygons import area_vectors
 from .scene import Scene
 
-ELEMENTS = {"draft": 650.0, "good": 3000.0, "fine": 15_000.0}
-"""Surface elements of a room: 460 to 1,100 at draft and 2,200 to 5,100 at good, in six buildings of 1 to 20 rooms."""
-ELEMENT_SECONDS = {"draft": 4e-4, "good": 2.5e-4, "fine": 5e-4}
-"""Seconds of one core for an element, from luminaires to shooting: 0.26 to 1.1 ms at draft, 0.1 to 0.7 ms at good."""
+ELEMENTS = {"draft": 450.0, "good": 2100.0, "fine": 9000.0}
+"""Surface elements of a room: 290 to 840 at draft and 1,400 to 3,400 at good, in buildings of 1 to 678 rooms."""
+ELEMENT_SECONDS = {"draft": 6e-4, "good": 3.1e-4, "fine": 6e-4}
+"""Seconds of one core for an element, from luminaires to shooting: 0.4 to 1.4 ms at draft, 0.15 to 0.6 ms at good."""
 VALUE_SECONDS = {"draft": 2e-4, "good": 3e-4, "fine": 1e-3}
 """Seconds of one core for the light at a corner or texel: measured in a furnished apartment of 21,000 polygons."""
-BYTES = 60e6, 1300.0, 60.0
+BYTES = 60e6, 900.0, 60.0
 """Memory in all, for an element, and for a value."""
 SPREAD = 3.0
 """Buildings and machines differ by this factor to both sides."""
