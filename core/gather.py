@@ -18,10 +18,9 @@ from . import transport
 from .building import Building
 from .exitance_map import ExitanceMap
 from .glass import through_panes
-from .grouping import morton
 from .occlusion import Blockers, hemisphere, kronecker
 from .parallel import Crew
-from .ray_fans import Faces, Sights, Workspace, aimed, directed, faces_of, look
+from .ray_fans import Faces, Sights, Workspace, aimed, directed, faces_of, look, shelves
 from .short_paths import Ends, close, ends_of, followed, joined
 
 NEAR = 0.1
@@ -169,14 +168,6 @@ def ray_sheaves(rays: int) -> _Sheaves:
     return _Sheaves(direction[np.concatenate(bundles)], start, axis, angle)
 
 
-def point_shelves(points: np.ndarray, rows: np.ndarray):
-    """Rows (n,) of neighbouring points, with the middle and the radius of the ball around them."""
-    rows = rows[np.argsort(morton(points[rows]), kind="stable")]
-    for part in np.array_split(rows, -(-len(rows) // SHELF)) if len(rows) else ():
-        low, high = points[part].min(0), points[part].max(0)
-        yield part, 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
-
-
 def _gather(building: Building, room: _Room, exitance: ExitanceMap, index, points, region, rays: int) -> Gathered:
     frame = np.stack([building.regions.u[region], building.regions.v[region], building.regions.normal[region]], axis=1)
     normals = frame[:, 2].astype(np.float32)
@@ -233,7 +224,7 @@ def _over_hemisphere(
     direction, axis = (sheaves.direction @ frame).astype(np.float32), sheaves.axis @ frame
     normal = frame[2].astype(np.float32)
     top = (faces.corners @ normal).max(1)
-    for part, centre, radius in point_shelves(points, rows):
+    for part, centre, radius in shelves(points, rows, SHELF):
         found = np.zeros((len(part), exitance.channels))
         ahead = top > (points[part] @ normal).min() + faces.clearance
         seen = faces.toward(centre, radius, axis, sheaves.angle) & ahead[:, None]
@@ -275,7 +266,7 @@ def _through(
     middle = portal.mean(0)
     size = float(np.linalg.norm(portal - middle, axis=1).max())
     across = np.cross(portal[1] - portal[0], portal[3] - portal[0])
-    for part, centre, radius in point_shelves(points, rows):
+    for part, centre, radius in shelves(points, rows, SHELF):
         axis = middle - centre
         distance = max(float(np.linalg.norm(axis)), 1e-9)
         angle = np.arcsin((size + radius) / distance) if size + radius < distance else np.pi

@@ -12,11 +12,11 @@ import numpy as np
 from .building import Building
 from .daylight import radiance_towards, span_of
 from .exitance_map import ExitanceMap
-from .gather import point_shelves, ray_sheaves
+from .gather import SHELF, ray_sheaves
 from .lamps import Sky
 from .occlusion import Blockers, flat_blockers
 from .outdoors import Outdoors
-from .ray_fans import Faces, Workspace, directed, faces_of, look
+from .ray_fans import Faces, Workspace, directed, faces_of, look, shelves
 
 RAYS = 2048
 """From every point."""
@@ -57,7 +57,7 @@ class OpenSky:
         direction, axis = (sheaves.direction @ frame).astype(np.float32), sheaves.axis @ frame
         normal = frame[2].astype(np.float32)
         top = (faces.corners @ normal).max(1)
-        for part, centre, radius in point_shelves(points, rows):
+        for part, centre, radius in shelves(points, rows, SHELF):
             ahead = top > (points[part] @ normal).min() + faces.clearance
             seen = faces.toward(centre, radius, axis, sheaves.angle) & ahead[:, None]
             for t in range(len(axis)):

@@ -12,12 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from .exitance_map import ExitanceMap
+from .grouping import morton
 from .occlusion import Blockers
 
 SAME = np.float32(1 + 1e-3)
 """Surfaces this little nearer than a portal are behind it: walls that a portal lies in."""
 SEAM = np.float32(1 - 1e-5)
 """Faces reach this little farther than they do, so that no ray slips through the seam of two."""
+NEIGHBOURS = 512
+"""Single rays from near one another that share the choice of the faces near by."""
 _CELLS = 1 << 17
 """Tests made at once: the handful of arrays of this size stay in the cache."""
 
@@ -35,6 +38,14 @@ class Workspace:
         if size > _CELLS:
             return (*(np.empty(shape, np.float32) for _ in range(3)), np.empty(shape, bool))
         return (*(x[:size].reshape(shape) for x in self._floats), self._bools[:size].reshape(shape))
+
+
+def shelves(points: np.ndarray, rows: np.ndarray, size: int) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
+    """``rows`` (n,) of points (N, 3), some neighbours at a time, with the middle and the radius of the ball around them."""
+    rows = rows[np.argsort(morton(points[rows]), kind="stable")]
+    for part in np.array_split(rows, -(-len(rows) // size)) if len(rows) else ():
+        low, high = points[part].min(0), points[part].max(0)
+        yield part, 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
 
 
 @dataclass(frozen=True)
@@ -175,34 +186,68 @@ def _look(faces: Faces, fan: Fan, exitance: ExitanceMap, points: np.ndarray, fir
     return Sights(p + first, r, faces.id[k], _texel(faces, exitance, k, sx, sy), w)
 
 
-def nearest(faces: Faces, exitance: ExitanceMap, origins: np.ndarray, directions: np.ndarray, work: Workspace) -> Iterator[tuple]:
+def nearest(
+    faces: Faces, exitance: ExitanceMap, origins: np.ndarray, directions: np.ndarray, reach: float, work: Workspace
+) -> Iterator[tuple]:
     """What single rays from ``origins`` (n, 3) along unit ``directions`` (n, 3) meet, some at a time.
 
     Yields (:class:`Sights` of the rays that meet a front, (s,) rays that end in a portal, (s,) which of the portals).
+    Most rays are expected to end within ``reach`` metres: neighbours are tested with the faces near by first, and those that meet
+    nothing there with all of them.
     """
-    step = max(1, _CELLS // max(1, len(faces)))
-    for start in range(0, len(origins) if len(faces) else 0, step):
-        o, d = origins[start : start + step], directions[start : start + step]
-        height = o @ faces.normal.T - faces.offset[:, 0]
-        clear = np.abs(height) > faces.clearance
-        w, x, y, hit = work.take(len(o), len(faces))
-        np.multiply(np.where(clear, -1 / np.where(clear, height, 1), 0), d @ faces.normal.T, out=w)
-        for out, dual, offset in ((x, faces.dual_x, faces.offset[:, 1]), (y, faces.dual_y, faces.offset[:, 2])):
-            np.multiply(o @ dual.T - offset, w, out=out)
-            out += d @ dual.T
-        _meet(w, x, y, hit, faces)
-        if faces.stops:
-            w[:, -faces.stops :] *= SAME
-        best = w.argmax(1)
-        row = np.arange(len(o))
-        found = w[row, best]
-        stopped = np.flatnonzero((found > 0) & (faces.id[best] < 0))
-        row = np.flatnonzero((found > 0) & (height[row, best] > 0) & (faces.id[best] >= 0))
-        k, w = best[row], found[row]
-        place = o[row] + d[row] / w[:, None]
-        sx, sy = (np.einsum("ij,ij->i", place, dual[k]) - faces.offset[k, j] for j, dual in ((1, faces.dual_x), (2, faces.dual_y)))
-        piece, texel = faces.id[k], _texel(faces, exitance, k, sx, sy)
-        yield Sights(row + start, row + start, piece, texel, w), stopped + start, best[stopped] - (len(faces) - faces.stops)
+    if not len(faces) or not len(origins):
+        return
+    low, high = faces.corners.min(1), faces.corners.max(1)
+    everything, rest = np.arange(len(faces)), []
+    for rays, centre, radius in shelves(origins, np.arange(len(origins)), NEIGHBOURS):
+        gap = np.maximum(np.maximum(low - centre, centre - high), 0)
+        some = np.flatnonzero((gap * gap).sum(1) <= (radius + reach) ** 2)
+        best, found, height = _first(faces.take(some), origins[rays], directions[rays], work)
+        done = found * np.float32(reach) > 1
+        rest.append(rays[~done])
+        yield _seen(faces, exitance, origins, directions, rays[done], some[best[done]], found[done], height[done])
+    rays = np.concatenate(rest)
+    step = max(1, _CELLS // len(faces))
+    for start in range(0, len(rays), step):
+        here = rays[start : start + step]
+        best, found, height = _first(faces, origins[here], directions[here], work)
+        yield _seen(faces, exitance, origins, directions, here, everything[best], found, height)
+
+
+def _first(faces: Faces, o: np.ndarray, d: np.ndarray, work: Workspace) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The first face of rays from ``o`` along ``d`` (n, 3), 1 over its distance (0: none), and the height of ``o`` over it, (n,) each."""
+    if not len(faces):
+        return np.zeros(len(o), np.int64), np.zeros(len(o), np.float32), np.zeros(len(o), np.float32)
+    o, d = np.ascontiguousarray(o, np.float32), np.ascontiguousarray(d, np.float32)
+    w, x, y, hit = work.take(len(o), len(faces))
+    height = o @ faces.normal.T
+    height -= faces.offset[:, 0]
+    # A ray from within the plane of a face does not meet it.
+    np.greater(np.abs(height, out=x), faces.clearance, out=hit)
+    w[:] = 0
+    np.divide(-1, height, out=w, where=hit)
+    w *= np.matmul(d, faces.normal.T, out=x)
+    for out, dual, offset in ((x, faces.dual_x, faces.offset[:, 1]), (y, faces.dual_y, faces.offset[:, 2])):
+        np.matmul(o, dual.T, out=out)
+        out -= offset
+        out *= w
+        out += d @ dual.T
+    _meet(w, x, y, hit, faces)
+    if faces.stops:
+        w[:, -faces.stops :] *= SAME
+    best, row = w.argmax(1), np.arange(len(o))
+    return best, w[row, best], height[row, best]
+
+
+def _seen(faces: Faces, exitance: ExitanceMap, origins, directions, rays, best, found, height) -> tuple[Sights, np.ndarray, np.ndarray]:
+    """What :func:`nearest` yields of rays (n,) whose first faces are known."""
+    stopped = np.flatnonzero((found > 0) & (faces.id[best] < 0))
+    row = np.flatnonzero((found > 0) & (height > 0) & (faces.id[best] >= 0))
+    k, w = best[row], found[row]
+    place = origins[rays[row]] + directions[rays[row]] / w[:, None]
+    sx, sy = (np.einsum("ij,ij->i", place, dual[k]) - faces.offset[k, j] for j, dual in ((1, faces.dual_x), (2, faces.dual_y)))
+    sights = Sights(rays[row], rays[row], faces.id[k], _texel(faces, exitance, k, sx, sy), w)
+    return sights, rays[stopped], best[stopped] - (len(faces) - faces.stops)
 
 
 def _texel(faces: Faces, exitance: ExitanceMap, k: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
