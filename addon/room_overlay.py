@@ -8,7 +8,7 @@ import colorsys
 import numpy as np
 
 from .overlay_layers import LEAK, Content, Layer
-from .room_sorting import Survey
+from .room_sorting import Survey, rooms_of_polygons
 
 MOST_NAMED = 12
 """Rooms that the legend lists."""
@@ -20,9 +20,7 @@ def rooms_content(seen: Survey, names: tuple[str, ...]) -> Content:
     found = seen.rooms
     # The golden section keeps the hues of rooms that follow each other apart.
     hues = np.array([colorsys.hsv_to_rgb(k * 0.61803398875 % 1.0, 0.55, 0.85) for k in range(len(found))]).reshape(-1, 3)
-    # An object in one room has the colour of that room all around, backs and undersides too.
-    only = np.where(seen.rooms_of.sum(axis=1) == 1, seen.rooms_of.argmax(axis=1), -1)[seen.owner]
-    room = np.where(only >= 0, only, found.front)[seen.polygon]
+    room = rooms_of_polygons(seen)[seen.polygon]
     corners = seen.triangle[room >= 0]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]

@@ -110,6 +110,18 @@ def sort_into_rooms(context: bpy.types.Context, seen: Survey, cut: bool) -> Sort
     return Sorted(tuple(homes), count, tuple(severed), tuple(shared), tuple(elsewhere))
 
 
+def rooms_of_polygons(seen: Survey) -> np.ndarray:
+    """(P,) the room that each polygon is sorted into, negative for none; what looks out of an object in several rooms has none."""
+    number = {thing: k for k, thing in enumerate(seen.things)}
+    room = np.where(seen.rooms_of.any(axis=1), seen.rooms_of.argmax(axis=1), OUTSIDE)[seen.owner]
+    for k, part in enumerate(seen.parts):
+        own = np.flatnonzero(seen.rooms_of[number[part.owner]])
+        if len(own) > 1:
+            mine = seen.built.object == k
+            room[mine] = np.where(seen.rooms.front[mine] == OUTSIDE, OUTSIDE, _rooms_of_faces(seen, k, own)[part.faces.face])
+    return room
+
+
 def _nearest_rooms(found: FoundRooms, rooms_of: np.ndarray, triangle: np.ndarray, owner: np.ndarray, looks_out: np.ndarray) -> np.ndarray:
     """(N, R) bool: what no cell fits in front of, such as a book in a shelf, is in the room that is nearest to it."""
     out = np.zeros_like(rooms_of)
@@ -202,11 +214,7 @@ def _can_be_cut(seen: Survey, thing: bpy.types.Object) -> bool:
 
 def _cut_apart(seen: Survey, thing: bpy.types.Object, own: np.ndarray, homes: list[bpy.types.Collection]) -> dict[int, bpy.types.Object]:
     """The object, left with the faces of its main room, and a new one for every other room."""
-    k = next(k for k, part in enumerate(seen.parts) if part.owner == thing)
-    part = seen.parts[k]
-    votes = np.zeros((len(part.mesh.face_start) - 1, len(own)))
-    np.add.at(votes, part.faces.face, seen.rooms.spread[seen.built.object == k][:, own])
-    room = own[_decided(seen, part, votes, own)]
+    room = _rooms_of_faces(seen, next(k for k, part in enumerate(seen.parts) if part.owner == thing), own)
     pieces = {int(own[0]): thing}
     for r in own[1:]:
         if (room == r).any():
@@ -218,6 +226,14 @@ def _cut_apart(seen: Survey, thing: bpy.types.Object, own: np.ndarray, homes: li
             pieces[int(r)] = piece
     _keep_faces(thing.data, np.isin(room, [r for r in own if int(r) not in pieces or r == own[0]]))
     return pieces
+
+
+def _rooms_of_faces(seen: Survey, k: int, own: np.ndarray) -> np.ndarray:
+    """(F,) the room, one of ``own``, of each face of part ``k``."""
+    part = seen.parts[k]
+    votes = np.zeros((len(part.mesh.face_start) - 1, len(own)))
+    np.add.at(votes, part.faces.face, seen.rooms.spread[seen.built.object == k][:, own])
+    return own[_decided(seen, part, votes, own)]
 
 
 def _decided(seen: Survey, part: Part, votes: np.ndarray, own: np.ndarray) -> np.ndarray:

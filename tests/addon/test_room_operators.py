@@ -114,6 +114,28 @@ def test_one_mesh_is_cut_into_rooms(shop):
         assert at[:, 0].max() <= 4.0 + 1e-6 or at[:, 0].min() >= 4.2 - 1e-6
 
 
+def test_every_face_of_one_mesh_has_the_colour_of_its_room(shop):
+    from enfilade.addon import overlay
+
+    shop.two_rooms()
+    east = shop.bpy.data.collections["East"]
+    shop.box((5, 1, 0), (5.5, 1.5, 1), "Chair", inward=False, collection=east)
+    # The underside of a cushion looks into the chair, where no room is.
+    shop.box((5.1, 1.1, 1), (5.4, 1.4, 1.2), "Cushion", inward=False, collection=east)
+    loosen(shop)
+    house = joined(shop)
+    triangles = sum(len(face.vertices) - 2 for face in house.data.polygons)
+    shop.bpy.ops.enfilade.find_rooms()
+    (layer,) = (layer for layer in overlay.content().layers if layer.part == "surfaces")
+    assert len(layer.position) == 3 * (triangles - 2)  # the underside of the chair looks out below the floor
+    beyond = layer.position[:, 0] > 4.1
+    # Brighter and darker by the side that is seen, but of one ratio of red to green to blue in a room.
+    hues = [c / c.max(axis=1, keepdims=True) for c in (layer.color[beyond, :3], layer.color[~beyond, :3])]
+    assert all(np.ptp(hue, axis=0).max() < 0.002 for hue in hues)
+    assert not np.allclose(hues[0][0], hues[1][0], atol=0.1)
+    shop.bpy.ops.enfilade.hide_overlay()
+
+
 def test_one_mesh_may_stay_whole(shop):
     shop.two_rooms()
     loosen(shop)
