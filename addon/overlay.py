@@ -121,7 +121,7 @@ def _draw_legend() -> None:
     blf.enable(0, blf.SHADOW)
     blf.shadow(0, 5, 0.0, 0.0, 0.0, 0.8)
     if _content.scale is not None:
-        y = _draw_scale(x, y, scale, _content.scale) + 10 * scale
+        y = _draw_scale(x, y, scale, _content.scale) + 18 * scale  # clear of the uppermost number
     for color, text in reversed(_content.legend):
         if color is not None:
             _swatch(x, y - 2 * scale, (13 * scale, 13 * scale), color)

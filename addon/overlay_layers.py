@@ -106,15 +106,15 @@ def sight_content(found: Inspection, seen: Sight) -> Content:
     ]
     polygons = np.bincount(np.maximum(seen.crossed, 0)[visible], clusters.polygons[visible]).astype(int)
     counts = np.bincount(seen.crossed[visible])
-    legend = [(PICKED, f"the cluster, {clusters.polygons[seen.cluster]} polygons in {scene.room_names[clusters.room[seen.cluster]]}")]
+    legend = [(PICKED, f"the cluster, {clusters.polygons[seen.cluster]:,} polygons in {scene.room_names[clusters.room[seen.cluster]]}")]
     for k in range(min(len(counts), len(CROSSED))):
         last = k == len(CROSSED) - 1
         number, held = (counts[k:].sum(), polygons[k:].sum()) if last else (counts[k], polygons[k])
         if number:
             way = "its own room" if k == 0 else f"through {k}{' and more' if last else ''} portal{'s' * (k > 1)}"
-            legend.append((CROSSED[k], f"{way}: {number} clusters, {held} polygons"))
+            legend.append((CROSSED[k], f"{way}: {number:,} clusters, {held:,} polygons"))
     total = int(clusters.polygons[visible].sum())
-    return Content(f"Sees {total} of {scene.polygon_count} polygons", tuple(layers), tuple(legend))
+    return Content(f"Sees {total:,} of {scene.polygon_count:,} polygons", tuple(layers), tuple(legend))
 
 
 def leaks_content(found: Leaks) -> Content:
