@@ -175,21 +175,24 @@ def _subtract(
     _, high, slack = _heights(corners, planes)
     outside = (high <= slack).any(1)
     owners, weights, pieces = [owner[outside]], [weight[outside]], [corners[outside]]
-    owner, weight, rest, planes, passes = (x[~outside] for x in (owner, weight, corners, planes, passes))
+    owner, weight, rest, planes, passes, slack = (x[~outside] for x in (owner, weight, corners, planes, passes, slack[:, 0]))
     for h in range(planes.shape[1]):
         if not len(owner):
             break
         height = np.einsum("nkd,nd->nk", rest, planes[:, h, :3]) + planes[:, h, 3, None]
-        scale = 1e-9 * np.abs(rest).max((1, 2))[:, None]
-        cut = (height < -scale).any(1)
+        cut, some = height.min(1) < -slack, height.max(1) > slack
         if cut.any():
-            beyond = clip_half(rest[cut], -height[cut])
             owners.append(owner[cut])
             weights.append(weight[cut])
-            pieces.append(beyond)
-        some = (height > scale).any(1)
-        owner, weight, planes, passes, height = (x[some] for x in (owner, weight, planes, passes, height))
-        rest = _tight(clip_half(rest[some], height))
+            pieces.append(clip_half(rest[cut], -height[cut]))
+        if not some.all():
+            owner, weight, planes, passes, slack = (x[some] for x in (owner, weight, planes, passes, slack))
+            rest, height, cut = rest[some], height[some], cut[some]
+        # Most planes leave most pieces whole.
+        if cut.any():
+            rest = np.concatenate([rest, rest[:, -1:]], axis=1)
+            rest[cut] = clip_half(rest[cut, :-1], height[cut])
+            rest = _tight(rest)
     glass = passes > 0
     if glass.any():
         owners.append(owner[glass])
