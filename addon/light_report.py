@@ -4,17 +4,23 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 
 import bpy
 
-from ..core.daylight_factor import daylight_factors
-from ..core.light_report import RoomLight, as_csv, report_of_light
-from ..core.options import OptionError
-from ..core.pipeline import solve
-from ..core.scene import SceneError
+from ..core.beside import beside
+from ..core.light_report import RoomLight, as_csv
+from ..core.light_tables import daylight, illuminance
+from ..core.progress import words
 from .extract import extract
+from .guards import REFUSALS, capital, in_object_mode, sentence
 from .job import settings
+from .preferences import on_this_machine
+from .worker import Worker
 
+POLL_SECONDS = 0.1
+"""How often the window looks after the solver."""
+TABLES = {"illuminance": illuminance, "daylight": daylight}
 TEXTS = {"illuminance": "Enfilade Illuminance.csv", "daylight": "Enfilade Daylight Factor.csv"}
 UNITS = {"illuminance": "lx", "daylight": "%"}
 
@@ -39,33 +45,90 @@ class ENFILADE_OT_light_report(bpy.types.Operator):
     )
     filepath: bpy.props.StringProperty(name="File", description="A CSV file to write too; empty: the text alone", subtype="FILE_PATH")
 
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return in_object_mode(cls, context)
+
     def execute(self, context: bpy.types.Context) -> set[str]:
+        """Straight through, for scripts."""
         try:
-            rows = self._rows(context)
-            text = as_csv(rows, UNITS[self.what])
-            if self.filepath:
-                with open(bpy.path.abspath(self.filepath), "w", encoding="utf-8") as file:
-                    file.write(text)
-        except (SceneError, OptionError) as error:
-            self.report({"ERROR"}, str(error))
+            steps = TABLES[self.what](*self._task(context))
+            while True:
+                next(steps)
+        except StopIteration as end:
+            return self._write(end.value)
+        except REFUSALS as error:
+            return self._refuse(error)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """With a window: beside it, until it is done or ESC is pressed."""
+        return self.execute(context) if bpy.app.background else self.begin(context)
+
+    def begin(self, context: bpy.types.Context) -> set[str]:
+        """Read the scene, start the thread and the timer that looks after it."""
+        try:
+            self._worker = Worker(beside(TABLES[self.what], *self._task(context)))
+        except REFUSALS as error:
+            return self._refuse(error)
+        self._timer = context.window_manager.event_timer_add(POLL_SECONDS, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Show how far it is, until it is done or ESC is pressed."""
+        if event.type == "ESC" and event.value == "PRESS":
+            self.cancel(context)
+            self.report({"INFO"}, "Light report cancelled")
             return {"CANCELLED"}
-        except OSError as error:
-            self.report({"ERROR"}, f"the file '{self.filepath}' cannot be written ({error.strerror}): choose another")
-            return {"CANCELLED"}
-        name = TEXTS[self.what]
+        if event.type != "TIMER" or not self._worker.done:
+            self._show_progress(context)
+            return {"PASS_THROUGH"}
+        self.cancel(context)
+        error = self._worker.error
+        if isinstance(error, REFUSALS):
+            return self._refuse(error)
+        if error is not None:
+            raise error
+        return self._write(self._worker.result)
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """What every way out does; also called by Blender when the file or the window is closed."""
+        self._worker.cancel()
+        context.window_manager.event_timer_remove(self._timer)
+        if context.workspace is not None:
+            context.workspace.status_text_set(None)
+
+    def _task(self, context: bpy.types.Context) -> tuple:
+        scale = context.scene.unit_settings.scale_length
+        # The cache folder is the bake's: it holds one run.
+        options = replace(on_this_machine(settings(context.scene)[0]), store="")
+        return extract(context).scene, options, self.height * scale, self.border * scale
+
+    def _show_progress(self, context: bpy.types.Context) -> None:
+        step = self._worker.latest
+        if step is not None and context.workspace is not None:
+            left = "" if step.remaining is None else words(step.remaining)
+            text = f"Light report  {100 * step.fraction:.0f} %  {capital(step.stage)}: {step.message}   {left}"
+            context.workspace.status_text_set(f"{text.rstrip()}   |   ESC cancels")
+
+    def _refuse(self, error: BaseException) -> set[str]:
+        self.report({"ERROR"}, sentence(error))
+        return {"CANCELLED"}
+
+    def _write(self, rows: list[RoomLight]) -> set[str]:
+        text, name = as_csv(rows, UNITS[self.what]), TEXTS[self.what]
         block = bpy.data.texts.get(name) or bpy.data.texts.new(name)
         block.clear()
         block.write(text)
+        if self.filepath:
+            try:
+                with open(bpy.path.abspath(self.filepath), "w", encoding="utf-8") as file:
+                    file.write(text)
+            except OSError as error:
+                self.report({"ERROR"}, f"the file '{self.filepath}' cannot be written ({error.strerror}): the text '{name}' has the table")
+                return {"CANCELLED"}
         self.report({"INFO"}, f"{len(rows)} rows in the text '{name}'")
         return {"FINISHED"}
-
-    def _rows(self, context: bpy.types.Context) -> list[RoomLight]:
-        scale = context.scene.unit_settings.scale_length
-        scene, (options, _) = extract(context).scene, settings(context.scene)
-        height, border = self.height * scale, self.border * scale
-        if self.what == "daylight":
-            return daylight_factors(scene, options, height, border)
-        return report_of_light(solve(scene, options), height, border)
 
 
 class ENFILADE_PT_light_report(bpy.types.Panel):

@@ -34,6 +34,10 @@ def daylight_factors(
     progress: Callable[[Progress], None] | None = None,
 ) -> list[RoomLight]:
     """Rows as of :func:`light_report`, in per cent of the light outside; ``ground`` is the reflectance of what lies around."""
-    rows = report_of_light(solve(under_overcast_sky(scene, ground), options, progress), height, border)
+    return in_per_cent(report_of_light(solve(under_overcast_sky(scene, ground), options, progress), height, border))
+
+
+def in_per_cent(rows: list[RoomLight]) -> list[RoomLight]:
+    """Rows of light under the sky of :func:`under_overcast_sky`, in per cent of that outside."""
     scale = 100 / LUMINOUS_EFFICACY
     return [replace(r, average=scale * r.average, minimum=scale * r.minimum, maximum=scale * r.maximum) for r in rows]

@@ -6,6 +6,7 @@ import time
 import numpy as np
 import pytest
 from enfilade.core.options import BakeOptions, OptionError, Options, describe
+from fake_window import Event, FakeWindow
 
 
 @pytest.fixture
@@ -274,45 +275,6 @@ def test_progress_runs_from_start_to_end(shop, lit_room):
     assert fractions[-1] == pytest.approx(1.0)
     assert all(step.stage and step.message for step in seen)
     assert baked.report["seconds"]["total"] == pytest.approx(sum(v for k, v in baked.report["seconds"].items() if k != "total"))
-
-
-class FakeWindow:
-    """What a modal operator asks of a context with a window."""
-
-    def __init__(self, bpy):
-        self._context = bpy.context
-        self.scene, self.view_layer = bpy.context.scene, bpy.context.view_layer
-        self.evaluated_depsgraph_get = bpy.context.evaluated_depsgraph_get
-        self.status = "?"
-        self.window_manager = self
-        self.workspace = self
-        self.window = None
-        self.windows = []
-        self.handlers = []
-        self.enfilade_shading = ""
-
-    def event_timer_add(self, seconds, window):
-        return "timer"
-
-    def event_timer_remove(self, timer):
-        self.handlers.clear()
-
-    def modal_handler_add(self, operator):
-        self.handlers.append(operator)
-
-    def progress_begin(self, low, high): ...
-
-    def progress_update(self, value): ...
-
-    def progress_end(self): ...
-
-    def status_text_set(self, text):
-        self.status = text
-
-
-class Event:
-    def __init__(self, kind, value="NOTHING"):
-        self.type, self.value = kind, value
 
 
 class FakeOperator:

@@ -28,7 +28,7 @@ from enfilade.__main__ import main
 
 def start(folder, *more, before="", name="light.npz"):
     """A run of ``solve`` in a process of its own; ``before`` is run in it first."""
-    arguments = ["solve", str(SCENE), "--out", str(folder / name), "--quality", "draft", "--threads", "1", *map(str, more)]
+    arguments = ["solve", str(SCENE), "--out", str(folder / name), "--quality", "good", "--threads", "1", *map(str, more)]
     program = f"{START}\n{before}\nsys.exit(main({arguments!r}))"
     return subprocess.Popen(
         [sys.executable, "-c", program],

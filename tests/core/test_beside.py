@@ -52,7 +52,7 @@ def test_errors_arrive_as_they_are():
     with pytest.raises(ZeroDivisionError):
         drained(code("(1 / k for k in (1, 0))"))
     with pytest.raises(OptionError, match="memory"):
-        drained(beside(baking.bake, task(Options(quality="draft", memory=1)), None, True))
+        drained(beside(baking.bake, task(Options(quality="good", memory=1)), None, True))
 
 
 def test_what_the_generator_prints_is_no_answer():

@@ -170,7 +170,7 @@ def test_a_disk_that_fills_up_loses_nothing(scene, whole, tmp_path):
     resource = pytest.importorskip("resource")
     options = dataclasses.replace(DRAFT, store=str(tmp_path))
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, before[1]))
     try:
         with pytest.raises(StoreError, match=r"^[^\n]*make room there and run again, what is done is kept$"):
             solve(scene, options)
