@@ -18,7 +18,8 @@ ROOT = Path(__file__).resolve().parents[2]
 SCENE = ROOT / "tests" / "data" / "bench" / "cornell.npz"
 OLD = b"what an earlier run has left"
 START = f"""
-import importlib.util, sys
+import importlib.util, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell that runs the tests in the background has it ignored
 spec = importlib.util.spec_from_file_location("enfilade", {str(ROOT / "__init__.py")!r}, submodule_search_locations=[{str(ROOT)!r}])
 sys.modules["enfilade"] = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(sys.modules["enfilade"])
