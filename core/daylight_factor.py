@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from .lamps import Lamps
-from .light_report import RoomLight, report_of_light
-from .options import Options
+from .light_report import RoomLight
 from .photometry import LUMINOUS_EFFICACY
-from .pipeline import Progress, solve
 from .scene import Scene
 from .sky_maps import cie_overcast, overcast_irradiance
 
@@ -23,18 +20,6 @@ def under_overcast_sky(scene: Scene, ground: float = GROUND) -> Scene:
     """The scene without its lamps, under a CIE overcast sky that gives open level ground 1 W/m2."""
     sky = cie_overcast(1 / overcast_irradiance(1.0), ground)
     return replace(scene, emission=np.zeros_like(scene.emission), lamps=Lamps(sky=sky))
-
-
-def daylight_factors(
-    scene: Scene,
-    options: Options,
-    height: float = 0.8,
-    border: float = 0.5,
-    ground: float = GROUND,
-    progress: Callable[[Progress], None] | None = None,
-) -> list[RoomLight]:
-    """Rows as of :func:`light_report`, in per cent of the light outside; ``ground`` is the reflectance of what lies around."""
-    return in_per_cent(report_of_light(solve(under_overcast_sky(scene, ground), options, progress), height, border))
 
 
 def in_per_cent(rows: list[RoomLight]) -> list[RoomLight]:

@@ -80,15 +80,13 @@ def _open(path: Path, open_blend: Callable[[Path], Opened] | None) -> Opened:
 
 def _table(scene: Scene, options: Options, given: argparse.Namespace, line: ProgressLine) -> tuple[str, int]:
     """The table as text, and its rows."""
-    from .daylight_factor import daylight_factors
-    from .light_report import as_csv, report_of_light
-    from .pipeline import Progress, solve
+    from .light_report import as_csv
+    from .light_tables import daylight, illuminance
 
-    def show(progress: Progress) -> None:
-        line.show(progress.stage, progress.fraction, progress.message)
-
-    if given.daylight:
-        rows = daylight_factors(scene, options, given.work_plane, given.border, progress=show)
-    else:
-        rows = report_of_light(solve(scene, options, show), given.work_plane, given.border)
-    return as_csv(rows, "%" if given.daylight else "lx"), len(rows)
+    steps = (daylight if given.daylight else illuminance)(scene, options, given.work_plane, given.border)
+    while True:
+        try:
+            step = next(steps)
+        except StopIteration as end:
+            return as_csv(end.value, "%" if given.daylight else "lx"), len(end.value)
+        line.show(step.stage, step.fraction, step.message)

@@ -198,10 +198,11 @@ def nearest(
     if not len(faces) or not len(origins):
         return
     low, high = faces.corners.min(1), faces.corners.max(1)
-    everything, rest = np.arange(len(faces)), []
+    rest = []
     for rays, centre, radius in shelves(origins, np.arange(len(origins)), NEIGHBOURS):
         gap = np.maximum(np.maximum(low - centre, centre - high), 0)
-        some = np.flatnonzero((gap * gap).sum(1) <= (radius + reach) ** 2)
+        # A portal stops what ends this little before it.
+        some = np.flatnonzero((gap * gap).sum(1) <= (radius + reach * SAME) ** 2)
         best, found, height = _first(faces.take(some), origins[rays], directions[rays], work)
         done = found * np.float32(reach) > 1
         rest.append(rays[~done])
@@ -211,7 +212,7 @@ def nearest(
     for start in range(0, len(rays), step):
         here = rays[start : start + step]
         best, found, height = _first(faces, origins[here], directions[here], work)
-        yield _seen(faces, exitance, origins, directions, here, everything[best], found, height)
+        yield _seen(faces, exitance, origins, directions, here, best, found, height)
 
 
 def _first(faces: Faces, o: np.ndarray, d: np.ndarray, work: Workspace) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from enfilade.core.daylight_factor import daylight_factors
+from enfilade.core.daylight_factor import in_per_cent, under_overcast_sky
 from enfilade.core.lamps import Lamps
 from enfilade.core.light_report import as_csv, report_of_light, surface_grid, work_plane
 from enfilade.core.options import Options
@@ -98,7 +98,8 @@ def test_daylight_factor_under_a_roof_opening():
     hole = rectangle((1, 1, 3), (2, 0, 0), (0, 1, 0))
     roof = [rectangle((x, y, 3), (0, h, 0), (w, 0, 0)) for x, y, w, h in ((0, 0, 4, 1), (0, 2, 4, 1), (0, 1, 1, 1), (3, 1, 1, 1))]
     scene = scene_of([*faces, *roof], reflectance=0.0, emission=1.0, portals=portals_of([hole], [[0, -1]]))
-    rows = {row.part: row for row in daylight_factors(scene, DRAFT, 0.8, 0.0)}
+    under_sky = solve(under_overcast_sky(scene), DRAFT)
+    rows = {row.part: row for row in in_per_cent(report_of_light(under_sky, 0.8, 0.0))}
     places = (np.arange(80) + 0.5) / 80
     x, y = (g.ravel() for g in np.meshgrid(1 + 2 * places, 1 + places, indexing="ij"))
     # Under the middle of the opening, by its parts: L = (1 + 2 sin h) / 3 over 7 pi / 9.
