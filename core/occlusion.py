@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from .regions import Regions
 
 _DIAGONALS = np.array([[1, 1, 0], [1, -1, 0], [1, 0, 1], [1, 0, -1], [0, 1, 1], [0, 1, -1]]) / np.sqrt(2)
 AXES = np.concatenate([np.eye(3), _DIAGONALS]).astype(np.float32)
-_FACTS = 1 << 18
+_FACTS = 1 << 16
 """Pairs of a body and a blocker that are looked at at once."""
 _BLOCK = 1 << 16
 """Elements of one working array of the segment test: a handful of them stay in the cache of a core."""
@@ -58,12 +59,12 @@ class Blockers:
         """(K, 3) middle of the corners."""
         return 0.5 * (self.corners.min(1) + self.corners.max(1))
 
-    @property
+    @cached_property
     def size(self) -> np.ndarray:
         """(K,) root of the area, m."""
         return np.sqrt(np.linalg.norm(np.cross(self.corners[:, 1] - self.corners[:, 0], self.corners[:, 3] - self.corners[:, 0]), axis=1))
 
-    @property
+    @cached_property
     def large(self) -> np.ndarray:
         """(K,) bool: among the larger ones, that hide most."""
         size = self.size

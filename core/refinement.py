@@ -38,6 +38,8 @@ NEGLIGIBLE = 1e-3
 """An exchange below this part of what is admissible as an error is left out and its bound added to the total."""
 BLOCK_PAIRS = 1 << 14
 """Pairs of elements that one worker treats at once."""
+FEW_PAIRS = 1 << 9
+"""Parcels with no more pairs that are split than this together become one: a block of few pairs costs more than its pairs."""
 
 
 @dataclass(frozen=True)
@@ -133,17 +135,23 @@ def _inherited(estimate: Estimate, forest: Forest) -> Estimate:
 
 
 def _next(forest: Forest, sources: list[tuple[int, np.ndarray]], outcomes: list[_Outcome]) -> tuple[Iterator[_Block], int]:
-    """The pairs that were split, those of one scope together, and how many such parcels there are."""
-    groups = []
+    """The pairs that were split, those of one scope together, and of several if they are few; and how many such parcels there are."""
+    groups: list[tuple[list[np.ndarray], list[_Outcome], int]] = []
     for _, same in groupby(zip(sources, outcomes, strict=True), lambda pair: pair[0][0]):
         group = list(same)
         split = [outcome for _, outcome in group if len(outcome.split_a[0]) + len(outcome.split_b[0])]
-        if split:
-            groups.append((group[0][0][1], split))
+        if not split:
+            continue
+        size = sum(len(outcome.split_a[0]) + len(outcome.split_b[0]) for outcome in split)
+        if groups and groups[-1][2] + size <= FEW_PAIRS:
+            nearby, before, number = groups.pop()
+            groups.append(([*nearby, group[0][0][1]], before + split, number + size))
+        else:
+            groups.append(([group[0][0][1]], split, size))
 
-    def parcel(nearby: np.ndarray, split: list[_Outcome]) -> _Block:
+    def parcel(nearby: list[np.ndarray], split: list[_Outcome], _: int) -> _Block:
         sides = [_children(forest, outcome) for outcome in split]
-        return _Block(nearby, *(np.concatenate(side) for side in zip(*sides, strict=True)))
+        return _Block(np.unique(np.concatenate(nearby)), *(np.concatenate(side) for side in zip(*sides, strict=True)))
 
     return (parcel(*group) for group in groups), len(groups)
 
@@ -213,12 +221,14 @@ def _treat(building: Building, forest: Forest, estimate: Estimate, min_size: flo
     points = _points(forest, elements, bodies)
     left = np.unique(np.concatenate([pairs.ia, pairs.ib]))
     shafts = ShaftIndex(building.blockers_between(block.nearby, *bodies.take(left).box()) if len(left) else building.blockers.take(left))
-    for one_a, one_b, rows in _modes(pairs, np.flatnonzero(~refine)):
+    modes = list(_modes(pairs, np.flatnonzero(~refine)))
+    wide = _Sought(shafts, bodies, pairs, [rows for one_a, one_b, rows in modes if not (one_a and one_b)])
+    for one_a, one_b, rows in modes:
         here = pairs.take(rows)
         nodes = _nodes(forest, elements[here.ia], one_a), _nodes(forest, elements[here.ib], one_b)
         # The shaft of a single ray is the ray: nothing else is asked, and next to nothing stands in it.
         ray = one_a and one_b
-        pair, blocker = _candidates(shafts, points if ray else bodies, here.ia, here.ib)
+        pair, blocker = (_Sought(shafts, points, pairs, [rows]) if ray else wide).candidates(here)
         cuts = cut_segments(shafts.blockers, pair, blocker, *nodes)
         tests += len(pair) * nodes[0].shape[1] * nodes[1].shape[1]
         bad = np.zeros(len(here), bool)
@@ -292,10 +302,19 @@ def _modes(pairs: _Pairs, rows: np.ndarray) -> Iterator[tuple[bool, bool, np.nda
                 yield one_a, one_b, rows[chosen]
 
 
-def _candidates(blockers: ShaftIndex, bodies: Bodies, ia: np.ndarray, ib: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows (pair, blocker) of the blockers that may stand between bodies ia and ib (n,)."""
-    used, index = np.unique(np.concatenate([ia, ib]), return_inverse=True)
-    return Shafts(bodies.take(used), blockers).candidates(index[: len(ia)], index[len(ia) :])
+class _Sought:
+    """The shafts of the bodies of some rows of pairs, for the blockers that may stand between them."""
+
+    def __init__(self, blockers: ShaftIndex, bodies: Bodies, pairs: _Pairs, rows: list[np.ndarray]):
+        used = np.zeros(len(bodies), bool)
+        for some in rows:
+            used[pairs.ia[some]] = used[pairs.ib[some]] = True
+        self._place = np.cumsum(used) - 1
+        self._shafts = Shafts(bodies.take(np.flatnonzero(used)), blockers)
+
+    def candidates(self, pairs: _Pairs) -> tuple[np.ndarray, np.ndarray]:
+        """Rows (pair, blocker) of the blockers that may stand between the bodies of ``pairs``."""
+        return self._shafts.candidates(self._place[pairs.ia], self._place[pairs.ib])
 
 
 def _points(forest: Forest, elements: np.ndarray, bodies: Bodies) -> Bodies:

@@ -8,16 +8,17 @@ sharp.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from .grouping import ragged
+from .grouping import ragged, runs
 from .occlusion import Blockers
 from .polygons import clip_half
 from .vectors import cross, following
 
 _ROWS = 1 << 14
+_CORNERS = 1 << 15
 
 
 def visible_light(
@@ -61,22 +62,28 @@ def visible_light(
     order = np.lexsort((-size, passes[blocker] > 0, pair))
     pair, blocker = pair[order], blocker[order]
     start = np.searchsorted(pair, np.arange(count + 1))
-    degree = np.diff(start)
+    planes = _cones(blockers, blocker, points[pair].astype(np.float64), depth)
     weight = np.ones(len(owner))
-    out = np.zeros((count, light(np.zeros(0, np.int64), np.zeros((0, 3, 3))).shape[1]))
-    for turn in range(int(degree.max(initial=0)) + 1):
-        done = degree[owner] <= turn
-        if done.any():
-            found = weight[done, None] * light(owner[done], corners[done])
-            for k in range(out.shape[1]):
-                out[:, k] += np.bincount(owner[done], found[:, k], minlength=count)
-        owner, weight, corners = owner[~done], weight[~done], corners[~done]
-        if not len(owner):
-            break
-        hiding = blocker[start[owner] + turn]
-        planes = _cones(blockers, hiding, points[owner].astype(np.float64), depth)
-        owner, weight, corners = _subtract(owner, weight, corners, planes, passes[hiding])
-    return out, veil
+    seen = [(owner[:0], weight[:0], corners[:0])]
+    # Every piece has its own list of what may hide some of it, and is cut by the first: a piece of a piece meets fewer.
+    row, piece = ragged(start[owner], np.diff(start)[owner])
+    while len(owner):
+        some = _touched(corners, planes, piece, row)
+        row, piece = row[some], piece[some]
+        first = runs(piece)
+        waiting = np.zeros(len(owner), bool)
+        waiting[piece] = True
+        seen.append((owner[~waiting], weight[~waiting], corners[~waiting]))
+        owner, weight, corners = owner[waiting], weight[waiting], corners[waiting]
+        hiding = row[first]
+        parent, weight, corners = _subtract(weight, corners, planes[hiding], passes[blocker[hiding]])
+        owner = owner[parent]
+        members, piece = ragged(first[parent] + 1, np.diff(first, append=len(row))[parent] - 1)
+        row = row[members]
+    owners, weights, pieces = zip(*seen, strict=True)
+    owner, weight, corners = np.concatenate(owners), np.concatenate(weights), _joined(pieces)
+    found = weight[:, None] * light(owner, corners)
+    return np.stack([np.bincount(owner, x, minlength=count) for x in found.T], 1), veil
 
 
 def _reach(points, owner, corners, blockers, pair, blocker, depth) -> tuple[np.ndarray, np.ndarray]:
@@ -92,7 +99,7 @@ def _reach(points, owner, corners, blockers, pair, blocker, depth) -> tuple[np.n
         here = slice(begin, begin + _ROWS)
         p = pair[here]
         members, row = ragged(first[p], np.diff(first)[p])
-        touched, held = _cone_test(plates[:, :, blocker[here]] - points[p].T, polygon, members, row, blockers.clearance, depth)
+        touched, held = _cone_test(plates.take(blocker[here], 2) - points[p].T, polygon, members, row, blockers.clearance, depth)
         meets[here] = np.bincount(row[touched], minlength=len(p)) > 0
         covers[here] = np.bincount(row[held], minlength=len(p)) == np.diff(first)[p]
     return meets, covers
@@ -101,35 +108,36 @@ def _reach(points, owner, corners, blockers, pair, blocker, depth) -> tuple[np.n
 def _cone_test(
     plate: np.ndarray, polygon: np.ndarray, members: np.ndarray, row: np.ndarray, clearance: float, depth: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(m,) bool each: convex pieces ``polygon[:, :, members]`` may meet, surely lie in, the hidden side of plates (4, 3, r).
+    """Indices into ``members`` (m,) of convex pieces (k, 3, n) that may meet the hidden side of plates (4, 3, r); that surely lie in it.
 
     All corners are relative to the point that looks.
     """
-    count = len(polygon)
-    corner = [polygon[k][:, members] for k in range(count)]
-    side = [_cross(plate[k], plate[(k + 1) % 4]) for k in range(4)]
     # Seen from the point all edges turn the same way; the diagonals tell which, also for a triangle with its double corner.
     face = _cross(plate[2] - plate[0], plate[3] - plate[1])
     away = (face * plate[0]).sum(0)
     turn = np.sign(away)
     # A plate whose plane holds the point hides nothing.
-    stands = (np.abs(away) > clearance * np.sqrt((face * face).sum(0)))[row]
-    touched, held = stands, stands.copy()
-    for normal, offset in [*((n * turn, None) for n in side), (face * turn, depth * np.abs(away))]:
+    left = np.flatnonzero((np.abs(away) > clearance * np.sqrt((face * face).sum(0)))[row])
+    held = np.ones(len(left), bool)
+    sides = [(plate[k], plate[(k + 1) % 4]) for k in range(4)]
+    for side in (*sides, None):
+        r = row[left]
+        if side is None:
+            normal, offset = (face * turn).take(r, 1), depth * np.abs(away[r])
+        else:
+            normal, offset = _cross(side[0].take(r, 1), side[1].take(r, 1)) * turn[r], 0
         # In float32 a product of three lengths keeps six digits of the largest.
-        slack = 1e-5 * np.sqrt((normal * normal).sum(0))[row]
-        normal = normal[:, row]
-        low = high = None
-        for c in corner:
-            height = normal[0] * c[0] + normal[1] * c[1] + normal[2] * c[2]
-            low = height if low is None else np.minimum(low, height)
-            high = height if high is None else np.maximum(high, height)
-        if offset is not None:
-            low, high = low - offset[row], high - offset[row]
+        slack = 1e-5 * np.sqrt((normal * normal).sum(0))
+        corner = polygon.take(members[left], 2)
+        height = corner[:, 0] * normal[0]
+        height += corner[:, 1] * normal[1]
+        height += corner[:, 2] * normal[2]
         # An edge seen end on, or between the two equal corners of a triangle, bounds nothing.
-        touched &= (high > -slack) | (slack == 0)
-        held &= (low > slack) | (slack == 0)
-    return touched, held
+        flat = slack == 0
+        held &= (height.min(0) - offset > slack) | flat
+        some = (height.max(0) - offset > -slack) | flat
+        left, held = left[some], held[some]
+    return left, left[held]
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -137,11 +145,28 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
-def _heights(corners: np.ndarray, planes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Least and greatest height (n, h) of convex pieces (n, k, 3) over planes (n, h, 4), and the rounding (n, 1) of both."""
-    height = np.matmul(corners, planes[:, :, :3].transpose(0, 2, 1))
-    height += planes[:, None, :, 3]
-    return height.min(1), height.max(1), 1e-9 * np.abs(corners).max((1, 2), initial=0)[:, None]
+def _touched(corners: np.ndarray, planes: np.ndarray, piece: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """Indices of the pairs (piece, row) where no half-space of the row's ``planes`` (r, h, 4) is clear of the piece's corners (n, k, 3)."""
+    found = []
+    turned = np.ascontiguousarray(corners.transpose(1, 2, 0))
+    slack = _slack(corners)
+    step = max(1, _CORNERS // corners.shape[1])
+    for begin in range(0, len(piece), step):
+        left = np.arange(begin, min(begin + step, len(piece)))
+        for h in range(planes.shape[1]):
+            normal = planes[row[left], h].T
+            corner = turned.take(piece[left], 2)
+            height = corner[:, 0] * normal[0]
+            height += corner[:, 1] * normal[1]
+            height += corner[:, 2] * normal[2]
+            left = left[height.max(0) + normal[3] > slack[piece[left]]]
+        found.append(left)
+    return np.concatenate(found) if found else np.zeros(0, np.int64)
+
+
+def _slack(corners: np.ndarray) -> np.ndarray:
+    """(n,) the rounding of heights over planes of convex pieces (n, k, 3)."""
+    return 1e-9 * np.abs(corners).max((1, 2), initial=0)
 
 
 def _cones(blockers: Blockers, k: np.ndarray, points: np.ndarray, depth: float) -> np.ndarray:
@@ -166,56 +191,61 @@ def _cones(blockers: Blockers, k: np.ndarray, points: np.ndarray, depth: float) 
     return planes
 
 
-def _subtract(
-    owner: np.ndarray, weight: np.ndarray, corners: np.ndarray, planes: np.ndarray, passes: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What is left of convex pieces (n, k, 3) outside the common part of their half-spaces (n, h, 4), as convex pieces with their
-    owners and weights (n,). The part inside stays with as much of its weight as ``passes`` (n,).
+def _subtract(weight: np.ndarray, corners: np.ndarray, planes: np.ndarray, passes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What is left of convex pieces (n, k, 3) outside the common part of their half-spaces (n, h, 4), as convex pieces: index of the
+    piece that each is of, sorted, weights and corners. The part inside stays with as much of its weight as ``passes`` (n,).
     """
-    _, high, slack = _heights(corners, planes)
-    outside = (high <= slack).any(1)
-    owners, weights, pieces = [owner[outside]], [weight[outside]], [corners[outside]]
-    owner, weight, rest, planes, passes, slack = (x[~outside] for x in (owner, weight, corners, planes, passes, slack[:, 0]))
+    row, rest, slack = np.arange(len(corners)), corners, _slack(corners)
+    rows, pieces, missed = [], [], np.zeros(len(corners), bool)
     for h in range(planes.shape[1]):
-        if not len(owner):
-            break
-        height = np.einsum("nkd,nd->nk", rest, planes[:, h, :3]) + planes[:, h, 3, None]
-        cut, some = height.min(1) < -slack, height.max(1) > slack
-        if cut.any():
-            owners.append(owner[cut])
-            weights.append(weight[cut])
-            pieces.append(clip_half(rest[cut], -height[cut]))
+        height = np.einsum("nkd,nd->nk", rest, planes[row, h, :3]) + planes[row, h, 3, None]
+        # What lies on the plane is no crossing: it would add corner upon corner.
+        height[np.abs(height) <= slack[row, None]] = 0
+        some = height.max(1) > 0
         if not some.all():
-            owner, weight, planes, passes, slack = (x[some] for x in (owner, weight, planes, passes, slack))
-            rest, height, cut = rest[some], height[some], cut[some]
+            missed[row[~some]] = True
+            row, rest, height = row[some], rest[some], height[some]
         # Most planes leave most pieces whole.
-        if cut.any():
+        cut = np.flatnonzero(height.min(1) < 0)
+        if len(cut):
+            sides = clip_half(np.concatenate([rest[cut], rest[cut]]), np.concatenate([-height[cut], height[cut]]))
+            rows.append(row[cut])
+            pieces.append(sides[: len(cut)])
             rest = np.concatenate([rest, rest[:, -1:]], axis=1)
-            rest[cut] = clip_half(rest[cut, :-1], height[cut])
-            rest = _tight(rest)
-    glass = passes > 0
-    if glass.any():
-        owners.append(owner[glass])
-        weights.append((weight * passes)[glass])
-        pieces.append(rest[glass])
-    return _merged(owners, weights, pieces)
+            rest[cut] = sides[len(cut) :]
+    glass = passes[row] > 0
+    rows, pieces = [*rows, row[glass]], [*pieces, rest[glass]]
+    weights = np.concatenate([*(weight[r] for r in rows[:-1]), (weight * passes)[rows[-1]]])
+    row, corners_left = np.concatenate(rows), _joined(pieces)
+    # Nothing inside all of them: the piece has not to be in parts.
+    kept, whole = np.flatnonzero(~missed[row] & _has_area(corners_left)), np.flatnonzero(missed)
+    row = np.concatenate([whole, row[kept]])
+    order = np.argsort(row, kind="stable")
+    left = _tight(_joined([corners[whole], corners_left[kept]])[order])
+    return row[order], np.concatenate([weight[whole], weights[kept]])[order], left
 
 
 def _tight(corners: np.ndarray) -> np.ndarray:
-    """Convex pieces (n, k, 3) with fewer slots: repeated corners at the end are dropped where no piece needs them."""
-    distinct = (np.abs(np.diff(corners, axis=1)) > 0).any(2)
-    need = 1 + max(2, int((distinct * np.arange(1, corners.shape[1])).max(initial=0)))
-    return corners[:, :need]
+    """Convex pieces (n, k, 3) with as few slots as the one with most corners needs; a repeated corner is one corner."""
+    distinct = np.ones(corners.shape[:2], bool)
+    (corners[:, 1:] != corners[:, :-1]).any(2, out=distinct[:, 1:])
+    number = distinct.sum(1)
+    need = max(3, int(number.max(initial=0)))
+    if need >= corners.shape[1]:
+        return corners
+    place = np.argsort(~distinct, axis=1, kind="stable")
+    place = np.take_along_axis(place, np.minimum(np.arange(need), number[:, None] - 1), 1)
+    return np.take_along_axis(corners, place[..., None], 1)
 
 
-def _merged(owners: list[np.ndarray], weights: list[np.ndarray], pieces: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """One array of pieces, short ones with their last corner repeated, without those of no area."""
-    pieces = [_tight(p) for p in pieces]
+def _joined(pieces: Sequence[np.ndarray]) -> np.ndarray:
+    """One array of pieces (n, k, 3), the last corner of short ones repeated."""
     most = max(p.shape[1] for p in pieces)
-    members = [np.minimum(np.arange(most), p.shape[1] - 1) for p in pieces]
-    corners = np.concatenate([p[:, m] for p, m in zip(pieces, members, strict=True)])
-    owner, weight = np.concatenate(owners), np.concatenate(weights)
+    return np.concatenate([p[:, np.minimum(np.arange(most), p.shape[1] - 1)] for p in pieces])
+
+
+def _has_area(corners: np.ndarray) -> np.ndarray:
+    """(n,) bool of pieces (n, k, 3)."""
     local = corners - corners[:, :1]
     area = np.linalg.norm(cross(local, following(local)).sum(1), axis=1)
-    keep = area > 1e-14 * np.abs(corners).max((1, 2), initial=1e-30) ** 2
-    return owner[keep], weight[keep], corners[keep]
+    return area > 1e-14 * np.abs(corners).max((1, 2), initial=1e-30) ** 2
