@@ -98,7 +98,7 @@ def _shine(building: Building, kind: Kind, reach: Reach, patch, end, source, ind
         near = near_axis(shafts, balls, ends, (point[some], place[len(patch) + of[some]]), row, which)
         rows.append((some[row[near]], which[near]))
     row, blocker = (np.concatenate(column) for column in zip(*rows, strict=True))
-    changed, doubtful = np.unique(row), np.unique(row[(passes[blocker] == 0) & kind.sharp])
+    changed, doubtful = (x[runs(x)] for x in (row, row[(passes[blocker] == 0) & kind.sharp]))
     at, lamps = point[changed], source[of[changed]]
     bright = light[doubtful].max(1)
     rows = np.searchsorted(changed, row), blocker

@@ -95,30 +95,34 @@ def _reach(points, owner, corners, blockers, pair, blocker, depth) -> tuple[np.n
     meets, covers = np.zeros(len(pair), bool), np.zeros(len(pair), bool)
     polygon = np.ascontiguousarray(corners.transpose(1, 2, 0), dtype=np.float32)
     plates = np.ascontiguousarray(blockers.corners.transpose(1, 2, 0))
+    # Normals about which the corners turn to the left; the diagonals tell, also for a triangle with its double corner.
+    faces = np.ascontiguousarray(blockers.normal.T)
+    faces *= np.sign((_cross(plates[2] - plates[0], plates[3] - plates[1]) * faces).sum(0))
     for begin in range(0, len(pair), _ROWS):
         here = slice(begin, begin + _ROWS)
         p = pair[here]
         members, row = ragged(first[p], np.diff(first)[p])
-        touched, held = _cone_test(plates.take(blocker[here], 2) - points[p].T, polygon, members, row, blockers.clearance, depth)
+        plate, face = plates.take(blocker[here], 2), faces.take(blocker[here], 1)
+        plate -= points[p].T
+        touched, held = _cone_test(plate, face, polygon, members, row, blockers.clearance, depth)
         meets[here] = np.bincount(row[touched], minlength=len(p)) > 0
         covers[here] = np.bincount(row[held], minlength=len(p)) == np.diff(first)[p]
     return meets, covers
 
 
 def _cone_test(
-    plate: np.ndarray, polygon: np.ndarray, members: np.ndarray, row: np.ndarray, clearance: float, depth: float
+    plate: np.ndarray, face: np.ndarray, polygon: np.ndarray, members: np.ndarray, row: np.ndarray, clearance: float, depth: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Indices into ``members`` (m,) of convex pieces (k, 3, n) that may meet the hidden side of plates (4, 3, r); that surely lie in it.
 
-    All corners are relative to the point that looks.
+    All corners are relative to the point that looks;  face : (3, r) unit normals of the plates, which turn to the left about them
     """
-    # Seen from the point all edges turn the same way; the diagonals tell which, also for a triangle with its double corner.
-    face = _cross(plate[2] - plate[0], plate[3] - plate[1])
-    away = (face * plate[0]).sum(0)
+    # Seen from the point all edges turn the same way.
+    away = face[0] * plate[0, 0] + face[1] * plate[0, 1] + face[2] * plate[0, 2]
     turn = np.sign(away)
     # A plate whose plane holds the point hides nothing.
-    left = np.flatnonzero((np.abs(away) > clearance * np.sqrt((face * face).sum(0)))[row])
-    held = np.ones(len(left), bool)
+    left = np.flatnonzero((np.abs(away) > clearance)[row])
+    held, edges = np.ones(len(left), bool), np.zeros(len(left), np.int8)
     sides = [(plate[k], plate[(k + 1) % 4]) for k in range(4)]
     for side in (*sides, None):
         r = row[left]
@@ -136,8 +140,11 @@ def _cone_test(
         flat = slack == 0
         held &= (height.min(0) - offset > slack) | flat
         some = (height.max(0) - offset > -slack) | flat
-        left, held = left[some], held[some]
-    return left, left[held]
+        edges += ~flat
+        left, held, edges = left[some], held[some], edges[some]
+    # A plate of fewer edges than a triangle, and its plane, is finer than single precision.
+    solid = edges > 3
+    return left[solid], left[held & solid]
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -74,8 +74,9 @@ def _pairs(building: Building, group: np.ndarray, within: bool) -> tuple[np.ndar
         near = near[(near > cluster) & ((room[near] == room[cluster]) == within)]
         mine = building.clusters.members[start[cluster] : start[cluster + 1]]
         theirs = building.clusters.members[ragged(start[near], np.diff(start)[near])[0]]
-        own.append(np.repeat(mine, len(theirs)))
-        other.append(np.tile(theirs, len(mine)))
+        # All of the cluster with some of the others, and then with some more: pairs that follow each other are of few surfaces.
+        own.append(np.tile(mine, len(theirs)))
+        other.append(np.repeat(theirs, len(mine)))
         if within:
             i, j = np.triu_indices(len(mine), 1)
             own.append(mine[i])
