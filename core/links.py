@@ -17,6 +17,10 @@ from .grouping import runs
 
 CLOSURE = (0.1, 10.0)
 """A node whose links add up to less or more than this sees next to nothing, or what cannot be."""
+LIMIT = np.float32(3)
+"""Largest factor, and one over the smallest, that closes a node: with ten at one node of an element, light that runs past zero at
+the others grew from shot to shot in one of the 648 rooms of the Test scene.
+"""
 BLOCK = 1 << 15
 """Links that are worked on at once."""
 _CHUNKS = (1 << 10, 1 << 18)
@@ -211,7 +215,7 @@ def closing_gains(
             whole = kept[elements][:, None]
             leaf = forest.leaf_of(elements)[:, None]
             known = (whole > 0) & leaf & (total > CLOSURE[0]) & (total < CLOSURE[1])
-            out[elements] = np.where(known, whole / np.where(known, total, 1), 1)
+            out[elements] = np.where(known, np.clip(whole / np.where(known, total, 1), 1 / LIMIT, LIMIT), 1)
             breathe()
         return out
 

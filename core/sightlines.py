@@ -65,20 +65,33 @@ def _groups(building: Building, size: int) -> list[np.ndarray]:
 def _pairs(building: Building, group: np.ndarray, within: bool) -> tuple[np.ndarray, np.ndarray]:
     """Pairs of regions, the first in ``group``, whose clusters see each other, in one room or in different ones.
 
-    Every pair comes once in all groups: where its lesser cluster is in the group.
+    Every pair comes once in all groups: where its lesser cluster is in the group. A pair is left out where all of one cluster lies
+    behind the region of the other.
     """
-    room, start = building.clusters.room, building.clusters.start
+    regions, clusters = building.regions, building.clusters
+    room, start = clusters.room, clusters.start
+    low, high = clusters.box_min - regions.centre, clusters.box_max - regions.centre
     own, other = [], []
     for cluster in group:
         near = building.graph.neighbours(int(cluster))
         near = near[(near > cluster) & ((room[near] == room[cluster]) == within)]
-        mine = building.clusters.members[start[cluster] : start[cluster + 1]]
-        theirs = building.clusters.members[ragged(start[near], np.diff(start)[near])[0]]
+        mine = clusters.members[start[cluster] : start[cluster + 1]]
+        members, owner = ragged(start[near], np.diff(start)[near])
+        theirs = clusters.members[members]
+        facing = np.flatnonzero(_before(building, theirs, low[[cluster]], high[[cluster]])[:, 0])
         # All of the cluster with some of the others, and then with some more: pairs that follow each other are of few surfaces.
-        own.append(np.tile(mine, len(theirs)))
-        other.append(np.repeat(theirs, len(mine)))
+        k, i = np.nonzero(_before(building, mine, low[near], high[near]).T[owner[facing]])
+        own.append(mine[i])
+        other.append(theirs[facing[k]])
         if within:
             i, j = np.triu_indices(len(mine), 1)
             own.append(mine[i])
             other.append(mine[j])
     return np.concatenate(own).astype(np.int32), np.concatenate(other).astype(np.int32)
+
+
+def _before(building: Building, regions: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """(n, c) bool: some of the boxes ``low``..``high`` (c, 3), relative to the scene's centre, lies in front of the plane of regions (n,)."""
+    normal = building.regions.normal[regions]
+    plane = np.einsum("ij,ij->i", normal, building.regions.origin[regions]) + building.blockers.clearance
+    return np.maximum(normal, 0) @ high.T + np.minimum(normal, 0) @ low.T > plane[:, None]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from enfilade.core import links
 from enfilade.core.elements import Forest
-from enfilade.core.links import LinkCollector, LinkSet, blocks, closing_gains, directions, joined, received
+from enfilade.core.links import LIMIT, LinkCollector, LinkSet, blocks, closing_gains, directions, joined, received
 from enfilade.core.transport import lambert
 from scenery import box, building_of, linked, portals_of, received_from, rectangle, region_means, rotation, scene_of, visible_form_factors
 
@@ -111,6 +111,17 @@ def test_the_gain_closes_rooms_that_are_closed_and_no_others(kept):
     for gain in vars(closing_gains(forest, linking.links, half.astype(np.float32))).values():
         assert (gain[~half] == 1).all()
         assert (gain[half & forest.leaf] != 1).any(1).all()
+
+
+def test_a_gain_stays_below_what_would_let_light_grow():
+    building = building_of(scene_of(box(high=(4, 3, 2.5))))
+    forest, linking = linked(building, 2, 5e-4)
+    few = [links.part(slice(None, None, 4)) for links in linking.links]
+    gains = closing_gains(forest, few, np.ones(len(forest), np.float32))
+    for gain in (gains.received, gains.sent):
+        assert gain.max() <= LIMIT
+        assert gain.min() >= np.float32(1 / LIMIT)
+    assert gains.received.max() == LIMIT
 
 
 # ------------------------------------------------------------------------------------------- the structure
