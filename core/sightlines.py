@@ -91,7 +91,7 @@ def _pairs(building: Building, group: np.ndarray, within: bool) -> tuple[np.ndar
 
 
 def _before(building: Building, regions: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """(n, c) bool: some of the boxes ``low``..``high`` (c, 3), relative to the scene's centre, lies in front of the plane of regions (n,)."""
+    """(n, c) bool: some of the box ``low``..``high`` (c, 3), from the middle of the scene, lies in front of the plane of a region (n,)."""
     normal = building.regions.normal[regions]
     plane = np.einsum("ij,ij->i", normal, building.regions.origin[regions]) + building.blockers.clearance
     return np.maximum(normal, 0) @ high.T + np.minimum(normal, 0) @ low.T > plane[:, None]
