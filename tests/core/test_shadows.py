@@ -197,20 +197,20 @@ def test_the_form_factor_of_two_squares_with_a_square_between():
     assert np.outer(w, w).ravel() @ factor == pytest.approx(0.0995062945989848, rel=1e-6)
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_any_blockers_against_a_lamp_in_parts(seed):
+@pytest.mark.parametrize(("seed", "number", "size"), [*((k, 8, 0.8) for k in range(6)), (6, 40, 0.35)])
+def test_any_blockers_against_a_lamp_in_parts(seed, number, size):
     rng = np.random.default_rng(seed)
     turn = rotation(50 + seed)
     points = (np.column_stack([rng.uniform(-2, 2, (12, 2)), rng.uniform(-0.2, 0.2, 12)])).astype(np.float32)
     normals = UP + rng.normal(size=(12, 3)) * 0.4
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     polygons = []
-    for k in range(8):
-        origin, a, b = rng.uniform((-1.5, -1.5, 0.3), (1.5, 1.5, 3.8)), *rng.normal(size=(2, 3)) * 0.8
+    for k in range(number):
+        origin, a, b = rng.uniform((-1.5, -1.5, 0.3), (1.5, 1.5, 3.8)), *rng.normal(size=(2, 3)) * size
         polygons.append(np.array([origin, origin + a, origin + b]) if k % 3 == 0 else rectangle(origin, a, b))
     blockers = blockers_of([p @ turn.T for p in polygons])
     lamp = LAMP @ turn.T
-    pair, blocker = np.repeat(np.arange(12), 8), np.tile(np.arange(8), 12)
+    pair, blocker = np.repeat(np.arange(12), number), np.tile(np.arange(number), 12)
     turned = (points.astype(float) @ turn.T).astype(np.float32)
     factor, _ = visible_form_factors(turned, normals @ turn.T, np.arange(12), np.repeat(lamp[None], 12, 0), blockers, pair, blocker)
     count = 150
@@ -229,6 +229,6 @@ def test_any_blockers_against_a_lamp_in_parts(seed):
             x = points[k] + h[:, None] * d - o
             u, v = (np.linalg.inv([[a @ a, a @ b], [a @ b, b @ b]]) @ [a, b]) @ x.T
             hidden |= (h > 0) & (h < 1) & (u >= 0) & (v >= 0) & (u + v <= 1 if len(polygon) == 3 else (u <= 1) & (v <= 1))
-        # The edges of eight shadows run through a few hundred of the 22 500 parts, either way.
+        # The edges of the shadows run through some hundreds of the 22 500 parts, either way.
         assert factor[k] == pytest.approx(light[~hidden].sum(), abs=6e-3 * light.sum())
         assert 0 <= factor[k] <= light.sum() * 1.0001
