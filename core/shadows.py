@@ -132,10 +132,7 @@ def _cone_test(
             normal, offset = _cross(side[0].take(r, 1), side[1].take(r, 1)) * turn[r], 0
         # In float32 a product of three lengths keeps six digits of the largest.
         slack = 1e-5 * np.sqrt((normal * normal).sum(0))
-        corner = polygon.take(members[left], 2)
-        height = corner[:, 0] * normal[0]
-        height += corner[:, 1] * normal[1]
-        height += corner[:, 2] * normal[2]
+        height = _heights(polygon.take(members[left], 2), normal)
         # An edge seen end on, or between the two equal corners of a triangle, bounds nothing.
         flat = slack == 0
         held &= (height.min(0) - offset > slack) | flat
@@ -162,13 +159,18 @@ def _touched(corners: np.ndarray, planes: np.ndarray, piece: np.ndarray, row: np
         left = np.arange(begin, min(begin + step, len(piece)))
         for h in range(planes.shape[1]):
             normal = planes[row[left], h].T
-            corner = turned.take(piece[left], 2)
-            height = corner[:, 0] * normal[0]
-            height += corner[:, 1] * normal[1]
-            height += corner[:, 2] * normal[2]
+            height = _heights(turned.take(piece[left], 2), normal)
             left = left[height.max(0) + normal[3] > slack[piece[left]]]
         found.append(left)
     return np.concatenate(found) if found else np.zeros(0, np.int64)
+
+
+def _heights(corners: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """(k, r) products of corners (k, 3, r) with a normal (3 or more, r) each."""
+    height = corners[:, 0] * normal[0]
+    height += corners[:, 1] * normal[1]
+    height += corners[:, 2] * normal[2]
+    return height
 
 
 def _slack(corners: np.ndarray) -> np.ndarray:
