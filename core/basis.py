@@ -23,6 +23,8 @@ SLOTS = np.array(
     ]
 )
 """(8, 4) places (x, y, width, height) that a child can have in its parent: quarters, halves along u, halves along v."""
+FAMILIES = ((0, 4), (4, 2), (6, 2))
+"""Ways to split a parent: the row of ``SLOTS`` of its first child, and how many follow one another there."""
 
 
 def nodes_per_axis(order: int) -> int:

@@ -81,7 +81,9 @@ class LinkSet:
 
 def exchanged(steps: np.ndarray, scale: np.ndarray) -> np.ndarray:
     """(n, i, j) float32 from steps (n, i, j) uint16 of size (n,)."""
-    return steps * scale[:, None, None]
+    exchange = steps.astype(np.float32)
+    exchange *= scale[:, None, None]
+    return exchange
 
 
 def joined(sets: list[LinkSet]) -> list[LinkSet]:

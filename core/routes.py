@@ -76,10 +76,10 @@ class RoutesInMemory:
             links = route.links
             for low in range(0, len(route.rows), BLOCK):
                 rows = route.rows[low : low + BLOCK]
-                steps = links.steps[rows]
-                exchange = exchanged(np.ascontiguousarray(steps.transpose(0, 2, 1)) if route.reverse else steps, links.scale[rows])
+                steps = links.steps.take(rows, 0)
+                exchange = exchanged(np.ascontiguousarray(steps.transpose(0, 2, 1)) if route.reverse else steps, links.scale.take(rows))
                 source, receiver = (links.a, links.b) if route.reverse else (links.b, links.a)
-                yield _beam(place[source[rows]] - start, place[receiver[rows]], exchange)
+                yield _beam(place.take(source.take(rows)) - start, place.take(receiver.take(rows)), exchange)
 
 
 class RoutesOnDisk:
@@ -105,7 +105,7 @@ class RoutesOnDisk:
 
 def _beam(source: np.ndarray, receiver: np.ndarray, exchange: np.ndarray) -> Beam:
     first = runs(receiver)
-    return Beam(source, exchange, first, receiver[first])
+    return Beam(source, exchange, first, receiver.take(first))
 
 
 def _sorted(

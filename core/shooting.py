@@ -19,7 +19,7 @@ from .emitters import Emitters
 from .grouping import runs
 from .links import BLOCK, Gains
 from .ordering import Candidates, Strategy
-from .routes import Beam, Routes
+from .routes import Routes
 from .store import Residency, Space, give_back
 
 DIM = 10.0
@@ -196,7 +196,7 @@ class Shooter:
 
     def _reflectance(self, elements: np.ndarray) -> np.ndarray:
         """(n, 3) float32."""
-        return self._forest.regions.reflectance[self._forest.region[elements]].astype(np.float32)
+        return self._forest.regions.reflectance.take(self._forest.region.take(elements), 0).astype(np.float32)
 
     def _take(self, emitter: int, own: np.ndarray, factor: float) -> np.ndarray:
         """Exitance (n, m, 3) that the elements ``own`` of an emitter have not shot, now taken as shot."""
@@ -204,18 +204,21 @@ class Shooter:
         light = self._light[self._emitters.start[emitter] : self._emitters.start[emitter + 1]]
         due = factor * (_received(forest, own, light) - light["shot"])
         light["shot"] += due
-        total = self._times(self._gains.received, trees.push(due), own)
+        leaves = own[trees.leaves]
+        total = self._times(self._gains.received, trees.push(due).take(trees.leaves, 0), leaves)
         if self._fresh[emitter]:
-            total = total + self._first[own]
+            total += self._first.take(leaves, 0)
             self._fresh[emitter] = False
-        return trees.pull(self._times(self._gains.sent, total, own) * self._reflectance(own)[:, None])
+        exitance = np.zeros_like(due)
+        exitance[trees.leaves] = self._times(self._gains.sent, total, leaves) * self._reflectance(leaves)[:, None]
+        return trees.pull(exitance)
 
-    def _times(self, gains: np.ndarray, light: np.ndarray, elements: np.ndarray) -> np.ndarray:
-        """Irradiance (n, m, 3) of elements times the gain at their nodes; only leaves matter, the others are pulled from them."""
-        gain = gains[elements]
-        leaf = np.flatnonzero(self._forest.leaf_of(elements) & (gain != 1).any(1))
-        ids = elements[leaf]
-        light[leaf] = self._forest.from_nodes(ids, self._forest.at_nodes(ids, light[leaf]) * gain[leaf, :, None])
+    def _times(self, gains: np.ndarray, light: np.ndarray, leaves: np.ndarray) -> np.ndarray:
+        """Irradiance (n, m, 3) of leaves times the gain at their nodes, in place."""
+        gain = gains.take(leaves, 0)
+        some = (gain != 1).any(1).nonzero()[0]
+        ids = leaves.take(some)
+        light[some] = self._forest.from_nodes(ids, self._forest.at_nodes(ids, light.take(some, 0)) * gain.take(some, 0)[..., None])
         return light
 
     def _shoot(self, emitter: int) -> None:
@@ -226,30 +229,37 @@ class Shooter:
         factor = 1.0 if self._fresh[emitter] else self._factor
         exitance = self._take(emitter, own, np.float32(factor))
         power = forest.at_nodes(own, exitance) * forest.node_weights_of(own)[..., None]
-        flux = power.sum(1)
+        flux = power.sum(1, keepdims=True)
         self.shot[emitter] += factor * self.unshot[emitter]
         self.unshot[emitter] *= 1 - factor
+        arrived = []
         for beam in self._routes.beams(emitter):
             self._links_read += beam.nbytes if self._routes.on_disk else 0
-            sent = power[beam.source] if beam.exchange.shape[2] > 1 else flux[beam.source][:, None]
-            self._receive(beam, np.add.reduceat(np.matmul(beam.exchange, sent), beam.first, axis=0))
+            sent = (power if beam.exchange.shape[2] > 1 else flux).take(beam.source, 0)
+            light = np.add.reduceat(np.matmul(beam.exchange, sent), beam.first, axis=0)
+            arrived.append((beam.receivers, self._receive(beam.receivers, light)))
+        if arrived:
+            self._count(*(np.concatenate(column) for column in zip(*arrived, strict=True)))
         self._space.breathe()
 
-    def _receive(self, beam: Beam, light: np.ndarray) -> None:
-        forest, places = self._forest, beam.receivers
-        emitter, elements = self._emitters.of(places), self._emitters.order[places]
-        first = runs(emitter)
-        lit = emitter[first]
-        self._residency.need(lit)
+    def _receive(self, places: np.ndarray, light: np.ndarray) -> np.ndarray:
+        """Flux (n, 3) W of light (n, i, 3) that elements receive at their nodes, or all over alike."""
+        elements = self._emitters.order.take(places)
         if light.shape[1] == 1:
             self._light["constant"][places] += light[:, 0]
-            flux = light[:, 0] * forest.area_of(elements)[:, None]
-        else:
-            self._light["gathered"][places] += light
-            flux = np.einsum("nqc,nq->nc", light, forest.node_weights_of(elements))
+            return light[:, 0] * self._forest.area_of(elements).astype(np.float32)[:, None]
+        self._light["gathered"][places] += light
+        return np.einsum("nqc,nq->nc", light, self._forest.node_weights_of(elements))
+
+    def _count(self, places: np.ndarray, flux: np.ndarray) -> None:
+        """Add flux (n, 3) to what the emitters of ``places`` (n,), some of them more than once, have received and not shot."""
+        emitter = self._emitters.of(places)
+        first = runs(emitter)
+        lit = emitter.take(first)
+        self._residency.need(np.unique(lit))
         flux = flux.astype(np.float64)  # sums over many elements
-        self.received[lit] += np.add.reduceat(flux, first, axis=0)
-        self.unshot[lit] += np.add.reduceat(flux * self._reflectance(elements), first, axis=0)
+        np.add.at(self.received, lit, np.add.reduceat(flux, first, axis=0))
+        np.add.at(self.unshot, lit, np.add.reduceat(flux * self._reflectance(self._emitters.order.take(places)), first, axis=0))
 
     def _finish(self) -> Radiosity:
         forest, emitters = self._forest, self._emitters
@@ -259,13 +269,14 @@ class Shooter:
             own, trees, light = emitters.order[places], emitters.trees_of_block(forest, places), self._light[places]
             received = _received(forest, own, light)
             rest = received - light["shot"]
-            waiting = self._fresh[emitters.of(np.arange(places.start, places.stop))][:, None, None]
-            leaf = forest.leaf_of(own)
-            left = self._times(self._gains.received, trees.push(rest), own) + np.where(waiting, self._first[own], 0)
-            exitance = np.abs(forest.mean(own[leaf], left[leaf])) * self._reflectance(own[leaf])
+            leaves = own[trees.leaves]
+            waiting = self._fresh[emitters.of(places.start + trees.leaves)][:, None, None]
+            left = self._times(self._gains.received, trees.push(rest)[trees.leaves], leaves) + np.where(waiting, self._first[leaves], 0)
+            exitance = np.abs(forest.mean(leaves, left)) * self._reflectance(leaves)
             brightest = max(brightest, float(exitance.max(initial=0.0)))
-            total = self._times(self._gains.received, trees.push(received), own)
-            out[own] = trees.pull(np.where(leaf[:, None, None], total, 0))
+            total = np.zeros_like(received)
+            total[trees.leaves] = self._times(self._gains.received, trees.push(received)[trees.leaves], leaves)
+            out[own] = trees.pull(total)
             self._page_out(places.start, places.stop)
             self._space.breathe()
         return Radiosity(out, self._iteration, np.abs(self.unshot).sum(0), brightest, self.received, self.shot)
