@@ -145,8 +145,9 @@ class Forest:
 
     def _world(self, region: np.ndarray, uv: np.ndarray) -> np.ndarray:
         """(n, k, 3) float32 of places (n, k, 2) in the frames of regions (n,)."""
-        flat = self.regions.world(np.repeat(region, uv.shape[1]), uv.reshape(-1, 2))
-        return flat.astype(np.float32).reshape(*uv.shape[:2], 3)
+        regions = self.regions
+        origin, u, v = (axis.take(region, 0)[:, None] for axis in (regions.origin, regions.u, regions.v))
+        return (origin + uv[..., :1] * u + uv[..., 1:] * v).astype(np.float32)
 
     def can_split(self, elements: np.ndarray, min_size: float) -> np.ndarray:
         """(n,) bool: leaves whose children would have a longer edge of at least ``min_size`` (m), or that are split already."""

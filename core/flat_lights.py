@@ -69,7 +69,7 @@ class FlatLights:
     def pieces(self, source: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The outlines."""
         members, row = ragged(self.outline_start[source], np.diff(self.outline_start)[source])
-        return row, self.outlines[members] - points[row, None]
+        return row, self.outlines.take(members, 0) - points.take(row, 0)[:, None]
 
     def light(self, source: np.ndarray, corners: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """Lambert's formula; a narrow spread weakens what leaves at an angle to the normal."""

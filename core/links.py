@@ -226,10 +226,10 @@ def closing_gains(
         for places in emitters.blocks():
             elements = emitters.order[places]
             leaf = forest.leaf_of(elements)[:, None, None]
-            values = forest.from_nodes(elements, node_values[elements, :, None])
+            values = forest.from_nodes(elements, node_values.take(elements, 0)[..., None])
             out[elements] = emitters.trees_of_block(forest, places).pull(np.where(leaf, values, 0))
             breathe()
-        return lambda elements: out[elements]
+        return lambda elements: out.take(elements, 0)
 
     received = gain(lambda elements: np.broadcast_to(one, (len(elements), *one.shape[1:])))
     sent = gain(pulled(received))
@@ -260,7 +260,7 @@ def _arriving(
             order = np.argsort(receiver, kind="stable")
             to = receiver[order]
             first = runs(to)
-            total = np.add.reduceat(light[order], first, axis=0)
+            total = np.add.reduceat(light.take(order, 0), first, axis=0)
             if total.shape[1] == 1:
                 constant[to[first]] += total
             else:

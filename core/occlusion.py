@@ -73,7 +73,7 @@ class Blockers:
     def take(self, index: np.ndarray) -> Blockers:
         """The blockers with the given indices."""
         arrays = (self.normal, self.dual_x, self.dual_y, self.offset, self.triangle, self.corners, self.region, self.id)
-        return Blockers(*(x[index] for x in arrays), self.clearance)
+        return Blockers(*(x.take(index, 0) for x in arrays), self.clearance)
 
     def joined(self, other: Blockers) -> Blockers:
         """These blockers and then the others."""
@@ -162,7 +162,8 @@ class Bodies:
     def take(self, index: np.ndarray | slice) -> Bodies:
         """The bodies with the given indices."""
         radius = None if self.radius is None else self.radius[index]
-        return Bodies(self.centre[index], self.half_u[index], self.half_v[index], self.normal[index], radius)
+        sides = (self.centre, self.half_u, self.half_v, self.normal)
+        return Bodies(*(x[index] if isinstance(index, slice) else x.take(index, 0) for x in sides), radius)
 
 
 class ShaftIndex:
@@ -209,7 +210,7 @@ class ShaftIndex:
         for axis, tables in self._axes:
             centre, half = bodies.centre @ axis, bodies.reach(axis[None])[:, 0]
             for (ends, table), begin in zip(tables, (centre - half, -(centre + half)), strict=True):
-                out.append(table[np.searchsorted(ends, begin - eps) // self._step])
+                out.append(table.take(np.searchsorted(ends, begin - eps) // self._step, 0))
         return out
 
 
@@ -233,9 +234,9 @@ class Shafts:
         step = max(1, (1 << 20) // (64 * self._index.words))
         for start in range(0, len(a), step):
             i, j = a[start : start + step], b[start : start + step]
-            out = self._either[i] | self._either[j]
+            out = self._either.take(i, 0) | self._either.take(j, 0)
             for bits in self._both:
-                out |= bits[i] & bits[j]
+                out |= bits.take(i, 0) & bits.take(j, 0)
             yield start, ~out & self._index.valid
 
     def candidates(self, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -293,9 +294,9 @@ def near_axis(
     shrink *= 1 - np.float32(1e-4)  # room for the rounding of what follows
     along = height2 = np.float32(0)
     for k in range(3):
-        offset = index.middle[k][blocker]
-        offset -= base[k][pair]
-        along = along + offset * axis[k][pair]
+        offset = index.middle[k].take(blocker)
+        offset -= base[k].take(pair)
+        along = along + offset * axis[k].take(pair)
         offset *= offset
         height2 = height2 + offset
     height2 -= along * along
@@ -337,7 +338,7 @@ def cut_segments(blockers: Blockers, pair: np.ndarray, blocker: np.ndarray, a: n
         for start in range(0, len(rows), step):
             here = rows[start : start + step]
             p, k = pair[here], blocker[here]
-            cut = _cut(blockers, k, a[p], b[p], kind).reshape(i * j, len(here))
+            cut = _cut(blockers, k, a.take(p, 0), b.take(p, 0), kind).reshape(i * j, len(here))
             first = runs(p)
             flat[p[first]] |= np.logical_or.reduceat(cut, first, axis=1).T
             every = cut.all(0)
@@ -377,7 +378,7 @@ def _cut(blockers: Blockers, k: np.ndarray, a: np.ndarray, b: np.ndarray, triang
 
 def _along(direction: np.ndarray, offset: np.ndarray, k: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(i, r) coordinate of points (3, i, r) along a direction of blockers k (r,)."""
-    d = np.ascontiguousarray(direction[k].T)
+    d = np.ascontiguousarray(direction.take(k, 0).T)
     out = points[0] * d[0]
     out += points[1] * d[1]
     out += points[2] * d[2]

@@ -169,17 +169,18 @@ def clip_half(polygons: np.ndarray, height: np.ndarray) -> np.ndarray:
     cut = np.flatnonzero((count > 0) & (count < k))
     if not len(cut):
         return out
-    inside, count = inside[cut], count[cut]
+    inside, count = inside.take(cut, 0), count.take(cut)
     before = np.concatenate([inside[:, -1:], inside[:, :-1]], axis=1)
     first = (inside & ~before).argmax(1)
     last = (first + count - 1) % k
     place = (first[:, None] + np.clip(np.arange(-1, k), 0, count[:, None] - 1)) % k
-    flat, level = polygons[cut].reshape(-1, polygons.shape[2]), height[cut].reshape(-1)
+    flat, level = polygons.take(cut, 0).reshape(-1, polygons.shape[2]), height.take(cut, 0).reshape(-1)
     row = k * np.arange(len(cut))
-    kept = flat[row[:, None] + place]
+    kept = flat.take(row[:, None] + place, 0)
     ends = []
     for at, to in ((first, (first - 1) % k), (last, (last + 1) % k)):
-        p, q, hp, hq = flat[row + at], flat[row + to], level[row + at], level[row + to]
+        at, to = row + at, row + to
+        p, q, hp, hq = flat.take(at, 0), flat.take(to, 0), level.take(at), level.take(to)
         # Rounding may leave corners on the plane out of their row; what is no crossing then has nothing between.
         crosses = (hp >= 0) & (hq < 0)
         t = np.where(crosses, hp / np.where(crosses, hp - hq, 1.0), 0.0)

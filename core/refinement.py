@@ -204,7 +204,7 @@ class _Pairs:
         return np.maximum(self.gain_a, self.gain_b)
 
     def take(self, rows: np.ndarray) -> _Pairs:
-        return _Pairs(*(getattr(self, f.name)[rows] for f in fields(self)))
+        return _Pairs(*(getattr(self, f.name).take(rows) for f in fields(self)))
 
 
 def _treat(building: Building, forest: Forest, estimate: Estimate, min_size: float, block: _Block) -> _Outcome:
@@ -238,8 +238,8 @@ def _treat(building: Building, forest: Forest, estimate: Estimate, min_size: flo
             bad[alone] = ~_surely_hidden(forest, shafts.blockers, elements[here.ia[alone]], elements[here.ib[alone]], alone, pair, blocker)
         refine[rows[bad]] = True
         good = np.flatnonzero(~bad & ~cuts.hidden.all((1, 2)))
-        nodes = nodes[0][good], nodes[1][good]
-        seen = ~cuts.hidden[good] * through_glass(building, forest.region[elements], here.ia[good], here.ib[good], *nodes)
+        nodes = nodes[0].take(good, 0), nodes[1].take(good, 0)
+        seen = ~cuts.hidden.take(good, 0) * through_glass(building, forest.region[elements], here.ia[good], here.ib[good], *nodes)
         links += _links(forest, elements, bodies, radius, here.take(good), *nodes, seen)
     ia, ib = pairs.ia, pairs.ib
     larger_a = np.where(splittable[ia] & splittable[ib], radius[ia] >= radius[ib], splittable[ia])
@@ -270,9 +270,9 @@ def _assess(forest: Forest, estimate: Estimate, elements, bodies: Bodies, radius
 def _worthwhile(pairs: _Pairs, area: np.ndarray, estimate: Estimate, elements: np.ndarray, forest: Forest) -> tuple[_Pairs, float]:
     """The pairs that matter, and a bound (W) on the light of those that do not."""
     worth = pairs.gain > NEGLIGIBLE
-    rest = pairs.take(~worth)
+    rest = pairs.take(np.flatnonzero(~worth))
     scale = estimate.tolerance[forest.region[elements]] * np.sqrt(area)  # back from admissible errors to watts
-    return pairs.take(worth), float(np.sum(rest.gain_a * scale[rest.ia]) + np.sum(rest.gain_b * scale[rest.ib]))
+    return pairs.take(np.flatnonzero(worth)), float(np.sum(rest.gain_a * scale[rest.ia]) + np.sum(rest.gain_b * scale[rest.ib]))
 
 
 def _misfit(pairs: _Pairs, order: int) -> np.ndarray:
@@ -349,12 +349,12 @@ def _surely_hidden(forest, blockers, a, b, chosen, pair, blocker) -> np.ndarray:
 
 def _face_each_other(bodies: Bodies, ia: np.ndarray, ib: np.ndarray, clearance: float) -> np.ndarray:
     """(n,) bool: some part of each body lies in front of the other's plane."""
-    offset = bodies.centre[ib] - bodies.centre[ia]
+    offset = bodies.centre.take(ib, 0) - bodies.centre.take(ia, 0)
     front = np.ones(len(ia), bool)
     for sign, i, j in ((1, ia, ib), (-1, ib, ia)):
-        normal = bodies.normal[i]
+        normal = bodies.normal.take(i, 0)
         dot = lambda x, n=normal: np.einsum("ij,ij->i", x, n)  # noqa: E731
-        front &= sign * dot(offset) + np.abs(dot(bodies.half_u[j])) + np.abs(dot(bodies.half_v[j])) > 2 * clearance
+        front &= sign * dot(offset) + np.abs(dot(bodies.half_u.take(j, 0))) + np.abs(dot(bodies.half_v.take(j, 0))) > 2 * clearance
     return front
 
 
@@ -364,14 +364,14 @@ def _form_factors(forest, elements, bodies, radius, ia, ib):
     The cosines are those of the nearest points of the balls around both: the centres of two wide parallel plates a hand apart
     may lie far off to the side of each other.
     """
-    offset = (bodies.centre[ib] - bodies.centre[ia]).astype(np.float64)
+    offset = (bodies.centre.take(ib, 0) - bodies.centre.take(ia, 0)).astype(np.float64)
     distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-9)
     gap = np.maximum(distance - radius[ia] - radius[ib], 1e-9)
     cosine = []
     for sign, i, j in ((1, ia, ib), (-1, ib, ia)):
-        normal = bodies.normal[i]
+        normal = bodies.normal.take(i, 0)
         dot = lambda x, n=normal: np.einsum("ij,ij->i", x, n)  # noqa: E731
-        top = sign * dot(offset) + np.abs(dot(bodies.half_u[j])) + np.abs(dot(bodies.half_v[j]))
+        top = sign * dot(offset) + np.abs(dot(bodies.half_u.take(j, 0))) + np.abs(dot(bodies.half_v.take(j, 0)))
         cosine.append(np.clip(top / gap, 0, 1))
     area = forest.area_of(elements)
     both = cosine[0] * cosine[1]
@@ -388,7 +388,7 @@ def _links(forest, elements, bodies, radius, pairs: _Pairs, nodes_a, nodes_b, se
     """Links of pairs whose nodes and visibility (n, i, j) are known; near ones by the exact polygon formula."""
     ia, ib = pairs.ia, pairs.ib
     a, b = elements[ia].astype(np.int32), elements[ib].astype(np.int32)
-    exchange = transport.kernel(nodes_a, bodies.normal[ia], nodes_b, bodies.normal[ib])
+    exchange = transport.kernel(nodes_a, bodies.normal.take(ia, 0), nodes_b, bodies.normal.take(ib, 0))
     near = TOUCHING * (pairs.xa + pairs.xb) > 1
     out = []
     for rows in (np.flatnonzero(~near), np.flatnonzero(near)):
@@ -425,10 +425,10 @@ def _fitted(forest: Forest, a: np.ndarray, b: np.ndarray, kernel: np.ndarray, tr
 def _exact(forest: Forest, receiver: np.ndarray, source: np.ndarray) -> np.ndarray:
     """(n, i) float64 irradiance at the nodes of receivers by sources of exitance 1, as if nothing stood between."""
     row, outline = forest.outlines(source)
-    nodes, normal = forest.nodes_of(receiver), forest.regions.normal[forest.region[receiver]]
+    nodes, normal = forest.nodes_of(receiver), forest.regions.normal.take(forest.region[receiver], 0)
     exact = np.zeros(nodes.shape[:2])
     for k in range(nodes.shape[1]):
-        factor = transport.lambert(nodes[row, k], normal[row], outline)
+        factor = transport.lambert(nodes[:, k].take(row, 0), normal.take(row, 0), outline)
         exact[:, k] = np.bincount(row, factor, minlength=len(receiver))
     # A node on or behind the plane of the source gets none of its light, whatever the formula says of the polygon.
     facing = forest.regions.normal[forest.region[source]]

@@ -75,7 +75,7 @@ class Regions:
 
     def world(self, region: np.ndarray, uv: np.ndarray) -> np.ndarray:
         """(n, 3) positions, relative to ``centre``, of coordinates (n, 2) in the frames of ``region`` (n,)."""
-        return self.origin[region] + uv[:, :1] * self.u[region] + uv[:, 1:] * self.v[region]
+        return self.origin.take(region, 0) + uv[:, :1] * self.u.take(region, 0) + uv[:, 1:] * self.v.take(region, 0)
 
     def local(self, region: np.ndarray, position: np.ndarray) -> np.ndarray:
         """(n, 2) frame coordinates of world positions (n, 3), projected to the region's plane."""

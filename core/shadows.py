@@ -74,9 +74,10 @@ def visible_light(
         waiting = np.zeros(len(owner), bool)
         waiting[piece] = True
         seen.append((owner[~waiting], weight[~waiting], corners[~waiting]))
-        owner, weight, corners = owner[waiting], weight[waiting], corners[waiting]
+        cut = np.flatnonzero(waiting)
+        owner, weight, corners = owner.take(cut), weight.take(cut), corners.take(cut, 0)
         hiding = row[first]
-        parent, weight, corners = _subtract(weight, corners, planes[hiding], passes[blocker[hiding]])
+        parent, weight, corners = _subtract(weight, corners, planes.take(hiding, 1), passes[blocker[hiding]])
         owner = owner[parent]
         members, piece = ragged(first[parent] + 1, np.diff(first, append=len(row))[parent] - 1)
         row = row[members]
@@ -103,7 +104,7 @@ def _reach(points, owner, corners, blockers, pair, blocker, depth) -> tuple[np.n
         p = pair[here]
         members, row = ragged(first[p], np.diff(first)[p])
         plate, face = plates.take(blocker[here], 2), faces.take(blocker[here], 1)
-        plate -= points[p].T
+        plate -= points.take(p, 0).T
         touched, held = _cone_test(plate, face, polygon, members, row, blockers.clearance, depth)
         meets[here] = np.bincount(row[touched], minlength=len(p)) > 0
         covers[here] = np.bincount(row[held], minlength=len(p)) == np.diff(first)[p]
@@ -125,20 +126,20 @@ def _cone_test(
     held, edges = np.ones(len(left), bool), np.zeros(len(left), np.int8)
     sides = [(plate[k], plate[(k + 1) % 4]) for k in range(4)]
     for side in (*sides, None):
-        r = row[left]
+        r = row.take(left)
         if side is None:
-            normal, offset = (face * turn).take(r, 1), depth * np.abs(away[r])
+            normal, offset = (face * turn).take(r, 1), depth * np.abs(away.take(r))
         else:
-            normal, offset = _cross(side[0].take(r, 1), side[1].take(r, 1)) * turn[r], 0
+            normal, offset = _cross(side[0].take(r, 1), side[1].take(r, 1)) * turn.take(r), 0
         # In float32 a product of three lengths keeps six digits of the largest.
         slack = 1e-5 * np.sqrt((normal * normal).sum(0))
-        height = _heights(polygon.take(members[left], 2), normal)
+        height = _heights(polygon.take(members.take(left), 2), normal)
         # An edge seen end on, or between the two equal corners of a triangle, bounds nothing.
         flat = slack == 0
         held &= (height.min(0) - offset > slack) | flat
-        some = (height.max(0) - offset > -slack) | flat
+        some = np.flatnonzero((height.max(0) - offset > -slack) | flat)
         edges += ~flat
-        left, held, edges = left[some], held[some], edges[some]
+        left, held, edges = left.take(some), held.take(some), edges.take(some)
     # A plate of fewer edges than a triangle, and its plane, is finer than single precision.
     solid = edges > 3
     return left[solid], left[held & solid]
@@ -150,17 +151,17 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _touched(corners: np.ndarray, planes: np.ndarray, piece: np.ndarray, row: np.ndarray) -> np.ndarray:
-    """Indices of the pairs (piece, row) where no half-space of the row's ``planes`` (r, h, 4) is clear of the piece's corners (n, k, 3)."""
+    """Indices of the pairs (piece, row) where no half-space of the row's ``planes`` (h, r, 4) is clear of the piece's corners (n, k, 3)."""
     found = []
     turned = np.ascontiguousarray(corners.transpose(1, 2, 0))
     slack = _slack(corners)
     step = max(1, _CORNERS // corners.shape[1])
     for begin in range(0, len(piece), step):
         left = np.arange(begin, min(begin + step, len(piece)))
-        for h in range(planes.shape[1]):
-            normal = planes[row[left], h].T
-            height = _heights(turned.take(piece[left], 2), normal)
-            left = left[height.max(0) + normal[3] > slack[piece[left]]]
+        for plane in planes:
+            p, normal = piece.take(left), plane.take(row.take(left), 0).T
+            height = _heights(turned.take(p, 2), normal)
+            left = left.take(np.flatnonzero(height.max(0) + normal[3] > slack.take(p)))
         found.append(left)
     return np.concatenate(found) if found else np.zeros(0, np.int64)
 
@@ -179,45 +180,49 @@ def _slack(corners: np.ndarray) -> np.ndarray:
 
 
 def _cones(blockers: Blockers, k: np.ndarray, points: np.ndarray, depth: float) -> np.ndarray:
-    """(n, 5, 4) half-spaces (normal, offset), relative to the points (n, 3), whose common part blockers k hide from them.
+    """(5, n, 4) half-spaces (normal, offset), relative to the points (n, 3), whose common part blockers k hide from them.
 
     A blocker whose plane holds the point hides nothing: its half-spaces are empty.
     """
-    corners = blockers.corners[k].astype(np.float64) - points[:, None]
+    corners = blockers.corners.take(k, 0).astype(np.float64) - points[:, None]
     # A triangle has its last corner twice: the edge between is none, and everything is inside its half-space.
     side = cross(corners, following(corners))
     side *= np.sign(np.einsum("nkd,nd->nk", side, corners.mean(1)))[..., None]
     length = np.linalg.norm(side, axis=2, keepdims=True)
     side /= np.maximum(length, 1e-300)
-    normal = blockers.normal[k].astype(np.float64)
+    normal = blockers.normal.take(k, 0).astype(np.float64)
     height = np.einsum("nd,nd->n", corners[:, 0], normal)
-    planes = np.zeros((len(k), 5, 4))
-    planes[:, 1:, :3] = side
-    planes[:, 1:, 3] = length[..., 0] <= 0
-    planes[:, 0, :3] = normal * np.sign(height)[:, None]
-    planes[:, 0, 3] = -depth * (np.abs(height) + blockers.clearance)
-    planes[np.abs(height) <= blockers.clearance, 0] = [0, 0, 0, -1]
+    planes = np.zeros((5, len(k), 4))
+    planes[1:, :, :3] = side.transpose(1, 0, 2)
+    planes[1:, :, 3] = (length[..., 0] <= 0).T
+    planes[0, :, :3] = normal * np.sign(height)[:, None]
+    planes[0, :, 3] = -depth * (np.abs(height) + blockers.clearance)
+    planes[0, np.abs(height) <= blockers.clearance] = [0, 0, 0, -1]
     return planes
 
 
 def _subtract(weight: np.ndarray, corners: np.ndarray, planes: np.ndarray, passes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What is left of convex pieces (n, k, 3) outside the common part of their half-spaces (n, h, 4), as convex pieces: index of the
+    """What is left of convex pieces (n, k, 3) outside the common part of their half-spaces (h, n, 4), as convex pieces: index of the
     piece that each is of, sorted, weights and corners. The part inside stays with as much of its weight as ``passes`` (n,).
     """
     row, rest, slack = np.arange(len(corners)), corners, _slack(corners)
     rows, pieces, missed = [], [], np.zeros(len(corners), bool)
-    for h in range(planes.shape[1]):
-        height = np.einsum("nkd,nd->nk", rest, planes[row, h, :3]) + planes[row, h, 3, None]
+    for plane in planes:
+        mine = plane.take(row, 0)
+        height = np.einsum("nkd,nd->nk", rest, mine[:, :3]) + mine[:, 3, None]
         # What lies on the plane is no crossing: it would add corner upon corner.
-        height[np.abs(height) <= slack[row, None]] = 0
-        some = height.max(1) > 0
+        height[np.abs(height) <= slack.take(row)[:, None]] = 0
+        above = height > 0
+        some = above.any(1)
         if not some.all():
             missed[row[~some]] = True
-            row, rest, height = row[some], rest[some], height[some]
+            some = np.flatnonzero(some)
+            row, rest, height = row.take(some), rest.take(some, 0), height.take(some, 0)
         # Most planes leave most pieces whole.
-        cut = np.flatnonzero(height.min(1) < 0)
+        cut = np.flatnonzero((height < 0).any(1))
         if len(cut):
-            sides = clip_half(np.concatenate([rest[cut], rest[cut]]), np.concatenate([-height[cut], height[cut]]))
+            whole, height = rest.take(cut, 0), height.take(cut, 0)
+            sides = clip_half(np.concatenate([whole, whole]), np.concatenate([-height, height]))
             rows.append(row[cut])
             pieces.append(sides[: len(cut)])
             rest = np.concatenate([rest, rest[:, -1:]], axis=1)
@@ -230,8 +235,8 @@ def _subtract(weight: np.ndarray, corners: np.ndarray, planes: np.ndarray, passe
     kept, whole = np.flatnonzero(~missed[row] & _has_area(corners_left)), np.flatnonzero(missed)
     row = np.concatenate([whole, row[kept]])
     order = np.argsort(row, kind="stable")
-    left = _tight(_joined([corners[whole], corners_left[kept]])[order])
-    return row[order], np.concatenate([weight[whole], weights[kept]])[order], left
+    left = _tight(_joined([corners.take(whole, 0), corners_left.take(kept, 0)]).take(order, 0))
+    return row.take(order), np.concatenate([weight[whole], weights[kept]]).take(order), left
 
 
 def _tight(corners: np.ndarray) -> np.ndarray:
@@ -250,7 +255,7 @@ def _tight(corners: np.ndarray) -> np.ndarray:
 def _joined(pieces: Sequence[np.ndarray]) -> np.ndarray:
     """One array of pieces (n, k, 3), the last corner of short ones repeated."""
     most = max(p.shape[1] for p in pieces)
-    return np.concatenate([p[:, np.minimum(np.arange(most), p.shape[1] - 1)] for p in pieces])
+    return np.concatenate([p if p.shape[1] == most else p.take(np.minimum(np.arange(most), p.shape[1] - 1), 1) for p in pieces])
 
 
 def _has_area(corners: np.ndarray) -> np.ndarray:

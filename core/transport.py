@@ -39,7 +39,7 @@ def lambert(points: np.ndarray, normals: np.ndarray, polygons: np.ndarray) -> np
     out = np.zeros(len(points))
     above = np.flatnonzero((height >= 0).all(1))
     out[above] = edge_sum(corners[above], normals[above])
-    out[below] = edge_sum(clip_half(corners[below], height[below]), normals[below])
+    out[below] = edge_sum(clip_half(corners.take(below, 0), height.take(below, 0)), normals.take(below, 0))
     return out
 
 
