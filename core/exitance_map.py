@@ -54,17 +54,18 @@ class ExitanceMap:
 
     def all_of(self, texel: np.ndarray) -> np.ndarray:
         """(n, c) float32 W/m2, exitance of texels (n,)."""
-        return self.exitance[texel] * self.unit
+        return self.exitance.take(texel, 0) * self.unit
 
     def direct_of(self, texel: np.ndarray) -> np.ndarray:
         """(n, c) float32 W/m2, the part of it that came straight from the luminaires."""
-        return self.all_of(texel) * (self.first[texel] * np.float32(1 / 65_535))
+        return self.all_of(texel) * (self.first.take(texel, 0) * np.float32(1 / 65_535))
 
     def texel(self, piece: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """(n,) the texel at places 0 <= x, y <= 1 of pieces (n,), as parts of their sides."""
-        column = np.minimum((x * self.width[piece]).astype(np.int32), self.width[piece] - 1)
-        row = np.minimum((y * self.height[piece]).astype(np.int32), self.height[piece] - 1)
-        return self.start[piece] + row * self.width[piece] + column
+        width, height = self.width.take(piece), self.height.take(piece)
+        column = np.minimum((x * width).astype(np.int32), width - 1)
+        row = np.minimum((y * height).astype(np.int32), height - 1)
+        return self.start.take(piece) + row * width + column
 
 
 def exitance_map(regions: Regions, forest: Forest, direct: np.ndarray, reflected: np.ndarray, texel: float) -> ExitanceMap:

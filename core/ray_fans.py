@@ -42,9 +42,10 @@ class Workspace:
 
 def shelves(points: np.ndarray, rows: np.ndarray, size: int) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
     """``rows`` (n,) of points (N, 3), some neighbours at a time, with the middle and the radius of the ball around them."""
-    rows = rows[np.argsort(morton(points[rows]), kind="stable")]
+    rows = rows[np.argsort(morton(points.take(rows, 0)), kind="stable")]
     for part in np.array_split(rows, -(-len(rows) // size)) if len(rows) else ():
-        low, high = points[part].min(0), points[part].max(0)
+        here = points.take(part, 0)
+        low, high = here.min(0), here.max(0)
         yield part, 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
 
 
@@ -75,7 +76,7 @@ class Faces:
         """Some of the faces, ``index`` rising."""
         arrays = (self.normal, self.dual_x, self.dual_y, self.offset, self.corners, self.middle, self.reach, self.id)
         triangles, before = np.searchsorted(index, (self.triangles, len(self) - self.stops))
-        return Faces(*(x[index] for x in arrays), int(triangles), int(len(index) - before), self.clearance)
+        return Faces(*(x.take(index, 0) for x in arrays), int(triangles), int(len(index) - before), self.clearance)
 
     def toward(self, centre: np.ndarray, radius: float, axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
         """(K, t) bool: the face may lie in a cone around ``axis`` (t, 3) of half-angle ``angle`` (t,) from some point of a ball."""
@@ -141,7 +142,7 @@ class Sights:
 
     def take(self, rows: np.ndarray) -> Sights:
         """Some of them."""
-        return Sights(self.point[rows], self.ray[rows], self.piece[rows], self.texel[rows], self.near[rows])
+        return Sights(*(x.take(rows) for x in (self.point, self.ray, self.piece, self.texel, self.near)))
 
 
 def look(faces: Faces, fan: Fan, exitance: ExitanceMap, points: np.ndarray, work: Workspace) -> Iterator[Sights]:
@@ -203,7 +204,7 @@ def nearest(
         gap = np.maximum(np.maximum(low - centre, centre - high), 0)
         # A portal stops what ends this little before it.
         some = np.flatnonzero((gap * gap).sum(1) <= (radius + reach * SAME) ** 2)
-        best, found, height = _first(faces.take(some), origins[rays], directions[rays], work)
+        best, found, height = _first(faces.take(some), origins.take(rays, 0), directions.take(rays, 0), work)
         done = found * np.float32(reach) > 1
         rest.append(rays[~done])
         yield _seen(faces, exitance, origins, directions, rays[done], some[best[done]], found[done], height[done])
@@ -211,7 +212,7 @@ def nearest(
     step = max(1, _CELLS // len(faces))
     for start in range(0, len(rays), step):
         here = rays[start : start + step]
-        best, found, height = _first(faces, origins[here], directions[here], work)
+        best, found, height = _first(faces, origins.take(here, 0), directions.take(here, 0), work)
         yield _seen(faces, exitance, origins, directions, here, best, found, height)
 
 
@@ -244,10 +245,10 @@ def _seen(faces: Faces, exitance: ExitanceMap, origins, directions, rays, best, 
     """What :func:`nearest` yields of rays (n,) whose first faces are known."""
     stopped = np.flatnonzero((found > 0) & (faces.id[best] < 0))
     row = np.flatnonzero((found > 0) & (height > 0) & (faces.id[best] >= 0))
-    k, w = best[row], found[row]
-    place = origins[rays[row]] + directions[rays[row]] / w[:, None]
-    sx, sy = (np.einsum("ij,ij->i", place, dual[k]) - faces.offset[k, j] for j, dual in ((1, faces.dual_x), (2, faces.dual_y)))
-    sights = Sights(rays[row], rays[row], faces.id[k], _texel(faces, exitance, k, sx, sy), w)
+    k, w, ray = best.take(row), found.take(row), rays.take(row)
+    place = origins.take(ray, 0) + directions.take(ray, 0) / w[:, None]
+    sx, sy = (np.einsum("ij,ij->i", place, dual.take(k, 0)) - faces.offset[k, j] for j, dual in ((1, faces.dual_x), (2, faces.dual_y)))
+    sights = Sights(ray, ray, faces.id[k], _texel(faces, exitance, k, sx, sy), w)
     return sights, rays[stopped], best[stopped] - (len(faces) - faces.stops)
 
 
@@ -258,7 +259,10 @@ def _texel(faces: Faces, exitance: ExitanceMap, k: np.ndarray, x: np.ndarray, y:
 
 
 def _meet(w: np.ndarray, x: np.ndarray, y: np.ndarray, hit: np.ndarray, faces: Faces) -> None:
-    """Set ``w`` (n, r, K) to zero where the ray misses the face; the others are used up."""
+    """Set ``w`` (n, r, K) to zero where the ray misses the face; the others are used up.
+
+    ``copyto`` takes a third of the time of a product with truth values, which are made numbers first.
+    """
     some = faces.triangles
     if some:
         a, b, c = w[..., :some], x[..., :some], y[..., :some]
@@ -267,5 +271,5 @@ def _meet(w: np.ndarray, x: np.ndarray, y: np.ndarray, hit: np.ndarray, faces: F
     np.abs(x, out=x)
     np.abs(y, out=y)
     np.maximum(x, y, out=x)
-    np.less_equal(x, w, out=hit)
-    w *= hit
+    np.greater(x, w, out=hit)
+    np.copyto(w, 0, where=hit)

@@ -41,7 +41,7 @@ class Ends:
 
     def take(self, rows: np.ndarray) -> Ends:
         """Some of them."""
-        return Ends(self.piece[rows], self.texel[rows], self.place[rows], self.portal[rows])
+        return Ends(*(x.take(rows, 0) for x in (self.piece, self.texel, self.place, self.portal)))
 
 
 def joined(parts: list[Ends]) -> Ends:
@@ -60,9 +60,9 @@ def close(sights: Sights, exitance: ExitanceMap, normal: np.ndarray, normals: np
     normals : (B, 3) of all blockers
     """
     near = np.flatnonzero(sights.near * np.float32(CLOSE * exitance.size) > 1)
-    there = normals[sights.piece[near]]
+    there = normals.take(sights.piece[near], 0)
     out = np.zeros(len(sights.piece), bool)
-    out[near] = (there * (normal[near] if normal.ndim > 1 else normal)).sum(1) < FACING
+    out[near] = (there * (normal.take(near, 0) if normal.ndim > 1 else normal)).sum(1) < FACING
     return out
 
 
@@ -105,9 +105,10 @@ def _meet(ends: Ends, direction: np.ndarray, all_round, beyond, normals: np.ndar
 
     def collect(faces: Faces, rays: np.ndarray, passed: int) -> list[tuple[np.ndarray, np.ndarray]]:
         stopped = []
-        for sights, ray, stop in nearest(faces, exitance, ends.place[rays], direction[rays], reach, work):
+        for sights, ray, stop in nearest(faces, exitance, ends.place.take(rays, 0), direction.take(rays, 0), reach, work):
             rows = rays[sights.point]
-            found.append((ends_of(sights, ends.place[rows], direction[rows], passed), rows, close(sights, exitance, hither[rows], normals)))
+            met = ends_of(sights, ends.place.take(rows, 0), direction.take(rows, 0), passed)
+            found.append((met, rows, close(sights, exitance, hither.take(rows, 0), normals)))
             stopped.append((rays[ray], stop))
         return stopped
 
