@@ -120,7 +120,13 @@ def _steps(scene: Scene, options: Options, desk: Workspace) -> Generator[Progres
     space.release()
     escaped = escape.escaped_power(building, forest, irradiance, lost, desk.crew)
     report = report_of(scene.polygon_count, building, forest, linked, radiosity, irradiance, closed, emitted, escaped)
-    report |= {"shadow_tests": linked.shadow_tests, "warnings": findings + idle_lamps(building, scene.lamps, lamps), "disk": dict(disk)}
+    warnings = findings + idle_lamps(building, scene.lamps, lamps)
+    if radiosity.growing >= 0:
+        warnings.append(
+            f"the light in room '{scene.room_names[radiosity.growing]}' grew from shot to shot, and the shooting was given up: "
+            "look for surfaces that reflect nearly all light, or set a finer quality"
+        )
+    report |= {"shadow_tests": linked.shadow_tests, "warnings": warnings, "disk": dict(disk)}
     report["solve_seconds"] = {part: clock.seconds.pop(part) for part in PARTS}
     report["seconds"] = clock.seconds
     rays = 0 if options.reflected == "elements" else limits.rays

@@ -26,6 +26,8 @@ DIM = 10.0
 """The unshot part of any one room's light may be this many times the part of the whole building's."""
 RELAXATION = 1.5
 """Most times what they have not shot that clusters shoot, because some of it will come back."""
+GROWTH = 10.0
+"""Unshot light of this many times its least so far grows without end: a shot never brings back all of it in a building that can be."""
 ROUNDING = 1e-6
 """A room with less than this part of the emitted light holds what single precision lets slip through its walls: nobody waits for it."""
 
@@ -45,6 +47,7 @@ class Radiosity:
 
     irradiance : (E, m, 3) float32 coefficients of the irradiance received by reflection at every element, ancestors included, W/m2
     iterations : int;  unshot : (3,) W left;  unshot_exitance : largest unshot mean exitance of an element, W/m2
+    growing : room whose unshot light grew, so that the shooting was given up, or -1
     received, shot : (units, 3) float64 W, per emitter, of this reflected light
     """
 
@@ -54,6 +57,7 @@ class Radiosity:
     unshot_exitance: float
     received: np.ndarray
     shot: np.ndarray
+    growing: int
 
 
 class Shooter:
@@ -98,18 +102,19 @@ class Shooter:
         self.received, self.shot = np.zeros((units, 3)), np.zeros((units, 3))
         self._fresh, self._marked = np.ones(units, bool), np.zeros(units, bool)
         self._iteration, self._last = 0, -1
-        self._factor, self._most, self._grown, self._left = 1.0, most, 0, float(np.abs(self.unshot).sum())
+        self._factor, self._most, self._grown = 1.0, most, 0
+        self._left = self._lowest = float(np.abs(self.unshot).sum())
 
     def run(self, strategy: Strategy, rng: np.random.Generator, tolerance: float, max_iterations: int) -> Iterator[Shot | Radiosity]:
         """Shoot until the unshot part of the emitted power is at most ``tolerance``, and that of the light of each room ``DIM`` times
-        this; yields every shot, at last the light.
+        this, or until it has grown ``GROWTH`` times; yields every shot, at last the light.
 
         In every iteration each emitter shoots once, in the order of ``strategy`` (paper, figure 7). One with next to nothing to
         shoot is passed over, and nothing is read for it, until it has received more. At the end the links are let go: a shooter
         runs once.
         """
         # Whoever is marked has shot in an iteration that was interrupted: it is finished first.
-        while self._marked.any() or (self._iteration < max_iterations and not self._settled(tolerance)):
+        while self._marked.any() or (self._iteration < max_iterations and not self._grows() and not self._settled(tolerance)):
             while (waiting := ~self._marked & ((unshot := np.abs(self.unshot).sum(1)) > self._least(tolerance))).any():
                 self._last = strategy(Candidates(np.flatnonzero(waiting), unshot, self._last, rng))
                 self._marked[self._last] = True
@@ -125,7 +130,7 @@ class Shooter:
     def _relax(self) -> None:
         """Choose the factor of the next iteration from what the last one has left (Young 1954; Hageman and Young 1981, section 9.5)."""
         left = float(np.abs(self.unshot).sum())
-        rate, self._left = left / max(self._left, 1e-300), left
+        rate, self._left, self._lowest = left / max(self._left, 1e-300), left, min(self._lowest, left)
         # The first iteration with a larger factor may leave more, the second must not.
         self._grown = self._grown + 1 if rate >= 1 else 0
         if self._grown > 1:
@@ -134,6 +139,9 @@ class Shooter:
         elif rate > self._factor - 1:
             squared = (rate + self._factor - 1) ** 2 / (rate * self._factor**2)
             self._factor = min(max(self._factor, 2 / (1 + np.sqrt(max(1 - squared, 0)))), self._most)
+
+    def _grows(self) -> bool:
+        return self._left > GROWTH * self._lowest
 
     def _admissible(self, tolerance: float) -> np.ndarray:
         """(R,) W that each room may leave unshot: a part of all that its emitters have reflected so far, and yet will."""
@@ -153,8 +161,8 @@ class Shooter:
         """All that a shooter of the same links needs to go on from here; to be used before the next shot."""
         numbers = {name: getattr(self, name) for name in ("unshot", "received", "shot")}
         flags = {"fresh": self._fresh, "marked": self._marked}
-        at = {"at": np.array([self._iteration, self._last]), "pace": np.array([self._factor, self._most, self._grown, self._left])}
-        return {"light": self._light} | numbers | flags | at
+        pace = np.array([self._factor, self._most, self._grown, self._left, self._lowest])
+        return {"light": self._light, "at": np.array([self._iteration, self._last]), "pace": pace} | numbers | flags
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """Go on from a :meth:`state`."""
@@ -164,7 +172,7 @@ class Shooter:
         self.unshot, self.received, self.shot = (state[name].copy() for name in ("unshot", "received", "shot"))
         self._fresh, self._marked = state["fresh"].copy(), state["marked"].copy()
         self._iteration, self._last = (int(x) for x in state["at"])
-        self._factor, self._most, self._grown, self._left = (float(x) for x in state["pace"])
+        self._factor, self._most, self._grown, self._left, self._lowest = (float(x) for x in state["pace"])
 
     def disk(self) -> dict[str, int]:
         """Bytes of light that were read and written, and of links that were read, because they are not in memory."""
@@ -279,7 +287,8 @@ class Shooter:
             out[own] = trees.pull(total)
             self._page_out(places.start, places.stop)
             self._space.breathe()
-        return Radiosity(out, self._iteration, np.abs(self.unshot).sum(0), brightest, self.received, self.shot)
+        growing = int(np.bincount(self._rooms, np.abs(self.unshot).sum(1)).argmax()) if self._grows() else -1
+        return Radiosity(out, self._iteration, np.abs(self.unshot).sum(0), brightest, self.received, self.shot, growing)
 
 
 def summed(parts: Sequence[Radiosity]) -> Radiosity:
@@ -290,8 +299,9 @@ def summed(parts: Sequence[Radiosity]) -> Radiosity:
     for part in parts[2:]:
         irradiance += part.irradiance
     unshot, received, shot = (np.sum([getattr(part, name) for part in parts], axis=0) for name in ("unshot", "received", "shot"))
-    iterations, brightest = max(part.iterations for part in parts), sum(part.unshot_exitance for part in parts)
-    return Radiosity(irradiance, iterations, unshot, brightest, received, shot)
+    iterations, growing = (max(getattr(part, name) for part in parts) for name in ("iterations", "growing"))
+    brightest = sum(part.unshot_exitance for part in parts)
+    return Radiosity(irradiance, iterations, unshot, brightest, received, shot, growing)
 
 
 def _light_of(forest: Forest) -> np.dtype:

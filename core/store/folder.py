@@ -23,7 +23,7 @@ from .lock import locked
 from .npy_files import checksum, map_array, write_array
 from .space import Space
 
-FORMAT, VERSION = "enfilade store", 1
+FORMAT, VERSION = "enfilade store", 2
 _PART = ".part"
 
 Stage = TypeVar("Stage")

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from enfilade.core import parallel
+from enfilade.core import parallel, pipeline
+from enfilade.core.links import Gains
 from enfilade.core.options import OptionError, Options
 from enfilade.core.pipeline import Progress, run, solve
 from enfilade.core.regions import Regions
@@ -329,6 +330,23 @@ def test_no_light_and_no_reflection():
     np.testing.assert_array_equal(black.exitance(middle, np.arange(6)), emission.astype(np.float32))
     assert black.report["unshot_fraction"] == 0
     assert balance(black) == pytest.approx(1, abs=0.005)
+
+
+def test_light_that_grows_ends_in_a_warning_that_names_the_room(monkeypatch):
+    def too_much(forest, found, kept, *rest):
+        factor = np.ones((len(forest), forest.node_count), np.float32)
+        factor[forest.regions.room[forest.region] == 1] = 3
+        return Gains(factor, factor)
+
+    scene = dataclasses.replace(TWO_ROOMS.scene, room_names=("hall", "study"))
+    quiet = solve(scene, Options(quality="draft"))
+    monkeypatch.setattr(pipeline.links, "closing_gains", too_much)
+    loud = solve(scene, Options(quality="draft"))
+    assert not any("grew" in text for text in quiet.report["warnings"])
+    (text,) = (text for text in loud.report["warnings"] if "grew" in text)
+    assert "room 'study'" in text
+    assert "finer quality" in text
+    assert loud.report["iterations"] < 100
 
 
 def test_one_polygon_alone():

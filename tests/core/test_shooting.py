@@ -206,6 +206,32 @@ def test_shots_tell_how_far_they_are_and_iterations_end():
     assert 1e-4 < np.abs(light.irradiance[case.leaf] - exact).max() / np.abs(exact).max() < 0.3
 
 
+def largest_part_that_comes_back(case):
+    """Spectral radius of one reflection: light converges where it is below 1."""
+    reflectance = case.building.regions.reflectance[case.forest.region[case.leaf]]
+    once = case.operator()
+    return max(np.abs(np.linalg.eigvals(once * np.repeat(rho, case.forest.functions))).max() for rho in reflectance.T)
+
+
+def test_light_that_grows_is_given_up():
+    case = Case(2)
+    case.gains.sent[case.leaf] *= 1.1 / largest_part_that_comes_back(case)
+    light = case.run()
+    assert light.iterations < 100
+    assert light.growing == 0
+    assert np.isfinite(light.irradiance).all()
+
+
+def test_slow_light_is_waited_for():
+    case = Case(2)
+    case.gains.sent[case.leaf] *= 0.95 / largest_part_that_comes_back(case)
+    light = case.run(tolerance=1e-6)
+    assert light.growing == -1
+    assert light.unshot.sum() <= 1e-6 * case.emitted
+    exact = case.exact
+    assert np.abs(light.irradiance[case.leaf] - exact).max() < 1e-3 * np.abs(exact).max()
+
+
 @pytest.mark.parametrize("ordering", sorted(STRATEGIES))
 def test_in_core_and_out_of_core_are_the_same_bits(ordering, tmp_path):
     case = CASES[2]

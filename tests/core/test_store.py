@@ -181,7 +181,7 @@ def test_damage_is_one_sentence_with_a_remedy_that_helps(name, how, tmp_path):
     assert store.recall(stage) is None
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"format": 3}', json.dumps({"format": "enfilade store", "version": 1, "stages": [1]})])
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"format": 3}', json.dumps({"format": "enfilade store", "version": 2, "stages": [1]})])
 def test_an_unreadable_manifest_is_one_sentence(text, tmp_path):
     (tmp_path / "manifest.json").write_text(text)
     with pytest.raises(StoreError, match=r"manifest.json: [^\n]*$"):
@@ -195,7 +195,7 @@ def test_a_store_of_another_version_is_left_alone(tmp_path):
     store.keep("regions", Result(np.arange(4)))
     store.close()
     path = tmp_path / "manifest.json"
-    path.write_text(path.read_text().replace('"version": 1', '"version": 2'))
+    path.write_text(path.read_text().replace('"version": 2', '"version": 3'))
     before = files(tmp_path)
     with pytest.raises(StoreError, match="another version"):
         opened(tmp_path)
