@@ -36,12 +36,12 @@ class BoxTree:
 
     def overlaps(self, low: np.ndarray, high: np.ndarray, group: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Pairs (box (k,), question (k,)) whose boxes of one group touch, in blocks; questions are boxes (m, d) of ``group`` (m,)."""
-        asked = [*zip(low.T, high.T, strict=True), (group, group)]
+        asked = [*zip(*map(_columns, (low, high)), strict=True), (group, group)]
 
         def meets(nodes: _Bounds, node: np.ndarray, question: np.ndarray) -> np.ndarray:
             out = np.ones(len(node), bool)
             for (a, b), (from_, to) in zip(nodes, asked, strict=True):
-                out &= (a[node] <= to[question]) & (b[node] >= from_[question])
+                out &= (a.take(node) <= to.take(question)) & (b.take(node) >= from_.take(question))
             return out
 
         return self._walk(len(low), meets)
@@ -49,18 +49,21 @@ class BoxTree:
     def along(self, origin: np.ndarray, direction: np.ndarray, group: np.ndarray, reach: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Pairs (box (k,), ray (k,)), in blocks: rays from ``origin`` along ``direction`` (m, d), and boxes of their group in reach."""
         inverse = 1 / np.where(np.abs(direction) < 1e-30, 1e-30, direction)
-        rays = [*zip(origin.T, inverse.T, strict=True)]
+        rays = [*zip(*map(_columns, (origin, inverse)), strict=True)]
 
         def meets(nodes: _Bounds, node: np.ndarray, question: np.ndarray) -> np.ndarray:
             enter, leave = np.zeros(len(node)), np.full(len(node), reach)
             for (low, high), (from_, slope) in zip(nodes[:-1], rays, strict=True):
-                start, part = from_[question], slope[question]
-                a, b = (low[node] - start) * part, (high[node] - start) * part
+                start, part = from_.take(question), slope.take(question)
+                a, b = low.take(node), high.take(node)
+                for x in (a, b):
+                    x -= start
+                    x *= part
                 np.maximum(enter, np.minimum(a, b), out=enter)
-                np.minimum(leave, np.maximum(a, b), out=leave)
+                np.minimum(leave, np.maximum(a, b, out=a), out=leave)
             low, high = nodes[-1]
-            own = group[question]
-            return (enter <= leave) & (low[node] <= own) & (high[node] >= own)
+            own = group.take(question)
+            return (enter <= leave) & (low.take(node) <= own) & (high.take(node) >= own)
 
         return self._walk(len(origin), meets)
 
@@ -71,9 +74,14 @@ class BoxTree:
             node = np.tile(np.arange(top), len(question) // top)
             for depth in range(len(self._levels) - 1, -1, -1):
                 kept = np.flatnonzero(meets(self._levels[depth], node, question))
-                node, question = node[kept], question[kept]
+                node, question = node.take(kept), question.take(kept)
                 if depth:
                     below = len(self._levels[depth - 1][0][0])
                     node, row = ragged(_FAN * node, np.minimum(_FAN, below - _FAN * node))
-                    question = question[row]
+                    question = question.take(row)
             yield self._order[node], question
+
+
+def _columns(table: np.ndarray) -> np.ndarray:
+    """(d, n), each column of a table (n, d) in one piece of memory."""
+    return np.ascontiguousarray(table.T)

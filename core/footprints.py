@@ -15,7 +15,7 @@ import numpy as np
 
 from .box_tree import BoxTree
 from .burial import buried
-from .grouping import starts_of
+from .grouping import runs, starts_of
 from .occlusion import Blockers
 from .plane_cuts import alike, cut_along
 from .polygons import areas_and_centroids
@@ -25,12 +25,51 @@ from .regions import Regions
 CONTACT = 1e-4
 """Edges closer than this (m) to a plane stand on it; in scenes of less than a metre it is this part of their size."""
 
+BLOCK = 1 << 12
+"""Regions that are treated at once, and those that the last of their rooms has beyond."""
+
 _Segments = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def uncover(regions: Regions, blockers: Blockers) -> Regions:
     """The same regions without the parts that are buried under others; ``area`` and ``full`` follow."""
+    *_, result = uncovering(regions, blockers)
+    return result
+
+
+def uncovering(regions: Regions, blockers: Blockers) -> Iterator[float | Regions]:
+    """As :func:`uncover`; yields the share of the work that is done, at last the regions.
+
+    Only what is in a room covers its surfaces: some rooms are treated at a time, so that what is known of pieces fits into memory.
+    """
     contact = CONTACT * min(1.0, float(np.abs(regions.box_max).max(initial=0.0)))
+    parts = []
+    for first, last in _some_rooms(regions.room):
+        pieces = slice(regions.piece_start[first], regions.piece_start[last])
+        own = blockers.take(np.arange(pieces.start, pieces.stop))
+        parts.append(_uncovered(regions.part(first, last), dataclasses.replace(own, region=own.region - np.int32(first)), contact))
+        yield last / len(regions)
+    if not parts:
+        yield regions
+        return
+    count = np.concatenate([np.diff(part.cover_start) for part in parts])
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ("buried", "area", "full")}
+    cover = np.concatenate(alike(*(part.cover for part in parts)))
+    yield dataclasses.replace(regions, cover=cover, cover_start=np.r_[0, np.cumsum(count)], **joined)
+
+
+def _some_rooms(room: np.ndarray) -> Iterator[tuple[int, int]]:
+    """First and last region of some rooms together, as few as have ``BLOCK`` regions; ``room`` (G,) is sorted."""
+    ends = np.r_[runs(room)[1:], len(room)]
+    first = 0
+    for last in ends:
+        if last - first >= BLOCK or last == len(room):
+            yield first, int(last)
+            first = int(last)
+
+
+def _uncovered(regions: Regions, blockers: Blockers, contact: float) -> Regions:
+    """As :func:`uncover` does, all at once."""
     original = np.repeat(np.arange(len(regions)), np.diff(regions.cover_start))
     owner, pieces = cut_along(original, regions.cover, *_segments(regions, contact), contact)
     gone = buried(regions, blockers, owner, pieces, contact)

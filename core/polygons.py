@@ -10,6 +10,8 @@ from .scene import Scene
 
 PARALLELOGRAM_TOLERANCE = 1e-5
 """Largest relative difference of opposite edges for a quad to count as a parallelogram."""
+_BLOCK = 1 << 14
+"""Polygons that are measured at once."""
 
 
 @dataclass(frozen=True)
@@ -193,9 +195,12 @@ def clip_half(polygons: np.ndarray, height: np.ndarray) -> np.ndarray:
 
 def areas_and_centroids(polygons: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(n,) signed area and (n, 2) area-weighted centroid sum (area times centroid) of (n, k, 2) polygons."""
-    local = polygons - polygons[:, :1]
-    following = np.roll(local, -1, 1)
-    cross = local[..., 0] * following[..., 1] - local[..., 1] * following[..., 0]
-    area = 0.5 * cross.sum(1)
-    moment = ((local + following) * cross[..., None]).sum(1) / 6.0
-    return area, moment + area[:, None] * polygons[:, 0]
+    areas, moments = np.empty(len(polygons)), np.empty((len(polygons), 2))
+    for low in range(0, len(polygons), _BLOCK):
+        here = slice(low, low + _BLOCK)
+        local = polygons[here] - polygons[here, :1]
+        following = np.roll(local, -1, 1)
+        cross = local[..., 0] * following[..., 1] - local[..., 1] * following[..., 0]
+        areas[here] = area = 0.5 * cross.sum(1)
+        moments[here] = ((local + following) * cross[..., None]).sum(1) / 6.0 + area[:, None] * polygons[here, 0]
+    return areas, moments

@@ -53,7 +53,7 @@ class RayTree:
             last = reach >= self._far
             rays = (origins[left], directions[left])
             for blocker, ray in self._tree.along(*rays, group[left], np.inf if last else reach):
-                near = _nearness(self.blockers, blocker, rays[0][ray], rays[1][ray])
+                near = _nearness(self.blockers, blocker, *(end.take(ray, 0) for end in rays))
                 met = np.flatnonzero(near > (0 if last else 1 / reach))
                 passed[left[ray[met]]] = True
                 place, ray, sense = self._nearest(blocker[met], ray[met], 1 / near[met], rays[1])
@@ -96,9 +96,11 @@ def lies_in(blockers: Blockers, k: np.ndarray, points: np.ndarray, margin: float
 def _nearness(blockers: Blockers, k: np.ndarray, o: np.ndarray, d: np.ndarray) -> np.ndarray:
     """(n,) one over the distance at which rays meet blockers k (n,), 0 where they do not."""
     dot = lambda a, b: np.einsum("ij,ij->i", a, b)  # noqa: E731
-    height = dot(o, blockers.normal[k]) - blockers.offset[k, 0]
+    offset, normal = blockers.offset.take(k, 0), blockers.normal.take(k, 0)
+    height = dot(o, normal) - offset[:, 0]
     clear = np.abs(height) > blockers.clearance
-    w = np.where(clear, -dot(d, blockers.normal[k]) / np.where(clear, height, 1), 0)
-    x, y = ((dot(o, dual[k]) - blockers.offset[k, i]) * w + dot(d, dual[k]) for i, dual in ((1, blockers.dual_x), (2, blockers.dual_y)))
+    w = np.where(clear, -dot(d, normal) / np.where(clear, height, 1), 0)
+    duals = (blockers.dual_x.take(k, 0), blockers.dual_y.take(k, 0))
+    x, y = ((dot(o, dual) - offset[:, i]) * w + dot(d, dual) for i, dual in enumerate(duals, 1))
     inside = np.where(blockers.triangle[k], (x >= 0) & (y >= 0) & (x + y <= w), np.maximum(np.abs(x), np.abs(y)) <= w)
     return np.where(inside & (w > 0), w, 0)

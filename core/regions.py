@@ -23,6 +23,8 @@ WELD = 1e-5
 PLANE_TOLERANCE = 1e-4
 """Largest distance (m) of a polygon from the plane of the region that it joins."""
 _DIRECTIONS = 8
+_BLOCK = 1 << 14
+"""Rectangles around regions that are compared at once."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,21 @@ class Regions:
     def world(self, region: np.ndarray, uv: np.ndarray) -> np.ndarray:
         """(n, 3) positions, relative to ``centre``, of coordinates (n, 2) in the frames of ``region`` (n,)."""
         return self.origin.take(region, 0) + uv[:, :1] * self.u.take(region, 0) + uv[:, 1:] * self.v.take(region, 0)
+
+    def part(self, first: int, last: int) -> Regions:
+        """The regions from ``first`` to before ``last`` alone, numbered from 0."""
+        own = ("origin", "u", "v", "normal", "size", "area", "full", "reflectance", "emission", "room", "buried")
+        own += ("box_min", "box_max", "centroid")
+        pieces, covers = (slice(start[first], start[last]) for start in (self.piece_start, self.cover_start))
+        rows = dict.fromkeys(own, slice(first, last)) | {"cover": covers}
+        rows |= dict.fromkeys(("piece_origin", "piece_a", "piece_b", "piece_triangle"), pieces)
+        arrays = {name: getattr(self, name)[here] for name, here in rows.items()}
+        for name in ("piece_start", "cover_start"):
+            start = getattr(self, name)[first : last + 1]
+            arrays[name] = start - start[0]
+        inside = (self.polygon_region >= first) & (self.polygon_region < last)
+        polygon_region = np.where(inside, self.polygon_region - first, -1).astype(np.int32)
+        return Regions(self.centre, polygon_region, **arrays)
 
     def local(self, region: np.ndarray, position: np.ndarray) -> np.ndarray:
         """(n, 2) frame coordinates of world positions (n, 3), projected to the region's plane."""
@@ -242,15 +259,15 @@ def _frame_direction(region, a, b, triangle, normal, corners, corner_piece):
     rank = np.arange(len(group)) - starts_of(group, count)[group]
     group, direction = group[rank < _DIRECTIONS], direction[rank < _DIRECTIONS]
     candidate = np.cos(direction)[:, None] * helper[group] + np.sin(direction)[:, None] * other[group]
-    across = np.cross(normal[group], candidate)
     corner_start = starts_of(region[corner_piece], count)
-    members, row = ragged(corner_start[group], np.diff(corner_start)[group])
-    low, high = _extents(
-        np.stack([np.einsum("ij,ij->i", corners[members], candidate[row]), np.einsum("ij,ij->i", corners[members], across[row])], axis=1),
-        row,
-        len(group),
-    )
-    rectangle = (high - low).prod(1)
+    rectangle = np.empty(len(group))
+    for begin in range(0, len(group), _BLOCK):  # many regions have many corners: all at once would take more memory than all regions do
+        g, u = group[begin : begin + _BLOCK], candidate[begin : begin + _BLOCK]
+        v = np.cross(normal[g], u)
+        members, row = ragged(corner_start[g], np.diff(corner_start)[g])
+        place = corners[members]
+        low, high = _extents(np.stack([np.einsum("ij,ij->i", place, axis[row]) for axis in (u, v)], axis=1), row, len(g))
+        rectangle[begin : begin + _BLOCK] = (high - low).prod(1)
     # A later direction must be better by more than rounding, or equal rectangles would be framed by chance.
     rounded = np.round(np.log(np.maximum(rectangle, 1e-30)), 6)
     chosen = np.lexsort((np.arange(len(group)), rounded, group))

@@ -19,7 +19,7 @@ from .emitters import Emitters
 from .grouping import runs
 from .links import BLOCK, Gains
 from .ordering import Candidates, Strategy
-from .routes import Routes
+from .routes import Beam, Routes
 from .store import Residency, Space, give_back
 
 DIM = 10.0
@@ -245,13 +245,14 @@ class Shooter:
             self._links_read += beam.nbytes if self._routes.on_disk else 0
             sent = (power if beam.exchange.shape[2] > 1 else flux).take(beam.source, 0)
             light = np.add.reduceat(np.matmul(beam.exchange, sent), beam.first, axis=0)
-            arrived.append((beam.receivers, self._receive(beam.receivers, light)))
+            arrived.append((beam.receivers, self._receive(beam, light)))
         if arrived:
             self._count(*(np.concatenate(column) for column in zip(*arrived, strict=True)))
         self._space.breathe()
 
-    def _receive(self, places: np.ndarray, light: np.ndarray) -> np.ndarray:
-        """Flux (n, 3) W of light (n, i, 3) that elements receive at their nodes, or all over alike."""
+    def _receive(self, beam: Beam, light: np.ndarray) -> np.ndarray:
+        """Flux (n, 3) W of light (n, i, 3) that the receivers of a beam get at their nodes, or all over alike."""
+        places = beam.receivers
         elements = self._emitters.order.take(places)
         if light.shape[1] == 1:
             self._light["constant"][places] += light[:, 0]

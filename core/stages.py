@@ -101,8 +101,14 @@ def build(
         blockers = occlusion.blockers_of(surfaces)
     else:
         surfaces = regions.merge(scene)
+        desk.space.breathe()
         blockers = occlusion.blockers_of(surfaces)
-        surfaces = footprints.uncover(surfaces, blockers)
+        for step in footprints.uncovering(surfaces, blockers):
+            if isinstance(step, Regions):
+                surfaces = step
+            else:
+                yield Progress("merge", 0.02 * step, "Looking for covered surfaces")
+                desk.space.breathe()
     seconds = clock.lap("merge", saved.facts["seconds"] if saved else 0.0)
     if not saved:
         store.keep("regions", surfaces, {"seconds": seconds})

@@ -60,7 +60,7 @@ def logged(log: Log) -> type[Shooter]:
             if not self._known:
                 self._met.append(self._emitters.of(beam.receivers))
                 log.links[log.order[-1]] += beam.nbytes
-            super()._receive(beam, light)
+            return super()._receive(beam, light)
 
     return Logged
 

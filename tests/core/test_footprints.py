@@ -288,3 +288,26 @@ def test_what_is_covered_whole_by_what_lies_in_its_plane_stays():
     before, after = uncovered([[t] for t in tiles])
     np.testing.assert_allclose(after.area, before.area)
     assert not after.buried.any()
+
+
+@pytest.mark.parametrize("block", [1, 40, 10_000])
+def test_some_rooms_at_a_time_give_what_each_gives_alone(block, monkeypatch):
+    # A cupboard in every room, larger from room to room; the third room is empty.
+    monkeypatch.setattr(footprints, "BLOCK", block)
+    polygons, rooms, objects, expected = [], [], [], []
+    for k in range(5):
+        x, side = 5.0 * k, 0.0 if k == 2 else 0.5 + 0.25 * k
+        content = [] if k == 2 else box((x + 1, 1, 0), (x + 1 + side, 1 + side, 1), inward=False)
+        polygons += [*box((x, 0, 0), (x + 4, 5, 3)), *content]
+        rooms += [k] * (6 + len(content))
+        objects += [2 * k] * 6 + [2 * k + 1] * len(content)
+        expected.append(20 - side**2)
+    before = merge(scene_of(polygons, room=np.array(rooms), object=np.array(objects)))
+    shares = [*footprints.uncovering(before, occlusion.blockers_of(before))]
+    after = shares.pop()
+    assert shares == sorted(shares)
+    assert shares[-1] == 1
+    floors = [after.polygon_region[rooms.index(k) + FLOOR] for k in range(5)]
+    assert after.area[floors] == pytest.approx(expected, rel=1e-6)
+    assert after.buried.sum() == 4
+    assert_consistent(after)
