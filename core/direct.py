@@ -19,7 +19,7 @@ from .open_sky import OpenSky
 from .parallel import Crew
 from .patches import Patches, patch_blocks, patches_of
 from .polygons import clip_half
-from .shadows import visible_light
+from .shadows import Candidates, Hiding, hiding, in_front, visible_light
 
 _PAIR_BLOCK = 1 << 16
 
@@ -80,6 +80,10 @@ def _shine(building: Building, kind: Kind, reach: Reach, patch, end, source, ind
     passes = np.concatenate([np.zeros(len(opaque)), building.doors.transmittance[panes.region]])
     shafts = ShaftIndex(opaque.joined(panes) if len(panes) else opaque)
     pair, blocker = Shafts(bodies, shafts).candidates(place[: len(patch)], place[len(patch) :])
+    # Those first that look large from the patch: most lamps that nothing is seen of are behind one of them.
+    across = shafts.blockers.middle.take(blocker, 0) - reach.patches.centre.take(patch.take(pair), 0)
+    squared = np.maximum(np.einsum("ij,ij->i", across, across), 1e-18)
+    blocker = blocker[np.lexsort((squared / (shafts.blockers.size**2 + 1e-30).take(blocker), pair))]
     # From patches to their points.
     point, of = ragged(first[patch], np.diff(first)[patch])
     normals = reach.patches.normal[patch_of[point]].astype(np.float64)
@@ -87,27 +91,30 @@ def _shine(building: Building, kind: Kind, reach: Reach, patch, end, source, ind
     light = np.zeros((len(point), 3))
     front = np.flatnonzero(kind.faces(source[of], places[point]))
     light[front] = _unobstructed(kind, source[of[front]], places[point[front]], normals[front])
-    begin = np.searchsorted(pair, np.arange(len(patch) + 1))
     lit = np.flatnonzero(light.any(1))
+    point, of, normals, light = point[lit], of[lit], normals[lit], light[lit]
+    begin = np.searchsorted(pair, np.arange(len(patch) + 1))
     number = np.diff(begin)[of]
-    balls, ends, rows = (np.ascontiguousarray(points.T), np.zeros(count, np.float32)), bodies.balls(), []
-    for some in np.split(lit, runs(np.cumsum(number[lit]) // _PAIR_BLOCK)[1:]):
-        # What may be in the way of a patch is seldom in the way of a point: most rows go as soon as they are made.
-        members, row = ragged(begin[of[some]], number[some])
-        which = blocker[members]
-        near = near_axis(shafts, balls, ends, (point[some], place[len(patch) + of[some]]), row, which)
-        rows.append((some[row[near]], which[near]))
-    row, blocker = (np.concatenate(column) for column in zip(*rows, strict=True))
-    changed, doubtful = (x[runs(x)] for x in (row, row[(passes[blocker] == 0) & kind.sharp]))
-    at, lamps = point[changed], source[of[changed]]
-    bright = light[doubtful].max(1)
-    rows = np.searchsorted(changed, row), blocker
-    light[changed], veil = _obstructed(kind, lamps, points[at], normals[changed], shafts.blockers, passes, *rows)
+    balls, ends = (np.ascontiguousarray(points.T), np.zeros(count, np.float32)), bodies.balls()
+
+    def candidates(pairs: np.ndarray, low: int, high: int) -> tuple[np.ndarray, np.ndarray]:
+        many, rows = np.clip(number[pairs], low, high) - low, []
+        for some in np.split(np.arange(len(pairs)), runs(np.cumsum(many) // _PAIR_BLOCK)[1:]):
+            # What may be in the way of a patch is seldom in the way of a point: most rows go as soon as they are made.
+            here = pairs[some]
+            members, row = ragged(begin[of[here]] + low, many[some])
+            which = blocker[members]
+            near = near_axis(shafts, balls, ends, (point[here], place[len(patch) + of[here]]), row, which)
+            rows.append((here[row[near]], which[near]))
+        return tuple(np.concatenate(column) for column in zip(*rows, strict=True))
+
+    seen, found = _obstructed(kind, source[of], points[point], normals, light, shafts.blockers, passes, candidates)
     # Glass dims but hides nothing: it leaves no doubt.
-    at, veil = point[doubtful], veil[np.searchsorted(changed, doubtful)]
-    irradiance = np.stack([np.bincount(point, light[:, k], minlength=count) for k in range(3)], 1).astype(np.float32)
-    doubt = np.bincount(at, bright, minlength=count).astype(np.float32)
-    return DirectLight(index, irradiance, doubt, _common(at, veil, count), len(row))
+    doubtful = np.flatnonzero(found.doubtful & kind.sharp)
+    doubt = np.bincount(point[doubtful], light[doubtful].max(1), minlength=count).astype(np.float32)
+    veil = _common(point[doubtful], found.veil[doubtful], count)
+    irradiance = np.stack([np.bincount(point, seen[:, k], minlength=count) for k in range(3)], 1).astype(np.float32)
+    return DirectLight(index, irradiance, doubt, veil, found.asked)
 
 
 def _sum(one: DirectLight, other: DirectLight) -> DirectLight:
@@ -132,21 +139,29 @@ def _unobstructed(kind: Kind, source: np.ndarray, points: np.ndarray, normals: n
     return out
 
 
-def _obstructed(kind: Kind, source, points, normals, blockers, passes, pair, blocker) -> tuple[np.ndarray, np.ndarray]:
-    """(n, 3) irradiance of points past rows (pair, blocker), and (n,) the one blocker that hides all of the source, or -1."""
+def _obstructed(kind: Kind, source, points, normals, light, blockers, passes, candidates: Candidates) -> tuple[np.ndarray, Hiding]:
+    """(n, 3) irradiance of points (n, 3) from sources (n,), which is ``light`` (n, 3) with nothing in the way; and what is."""
+    depth = 0.0 if kind.endless else 1.0
     owner, corners = kind.pieces(source, points.astype(np.float64))
-    return visible_light(
-        points,
-        normals,
-        owner,
-        corners,
+    corners = in_front(owner, corners, normals)
+    found = hiding(points, owner, corners, blockers, candidates, depth, passes)
+    out = np.where((found.veil >= 0)[:, None], 0.0, light)
+    partly = np.zeros(len(points), bool)
+    partly[found.pair] = True
+    number, own, rows = np.cumsum(partly) - 1, np.flatnonzero(partly[owner]), np.flatnonzero(partly)
+    mine, its = source[rows], normals[rows]
+    out[rows] = visible_light(
+        points[rows],
+        number[owner[own]],
+        corners[own],
         blockers,
-        pair,
-        blocker,
-        lambda row, part: kind.light(source[row], part, normals[row]),
-        0.0 if kind.endless else 1.0,
+        number[found.pair],
+        found.blocker,
+        lambda row, part: kind.light(mine[row], part, its[row]),
+        depth,
         passes,
     )
+    return out, found
 
 
 def _add(out: np.ndarray, row: np.ndarray, light: np.ndarray) -> None:

@@ -9,6 +9,8 @@ sharp.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,13 +19,72 @@ from .occlusion import Blockers
 from .polygons import clip_half
 from .vectors import cross, following
 
+_ROUNDS = (0, 2, 8, 1 << 62)
+"""Blockers of a pair by number, those up to the next of these at once."""
 _ROWS = 1 << 14
 _CORNERS = 1 << 15
 
 
+@dataclass(frozen=True)
+class Hiding:
+    """What stands between n points and a polygon each.
+
+    pair, blocker : (r,) rows, the blockers that may hide some of the polygon but not all of it by themselves
+    veil : (n,) int64 the ``id`` of one that does, -1 where none does;  doubtful : (n,) bool, some opaque blocker was asked about
+    asked : number of rows that were
+    """
+
+    pair: np.ndarray
+    blocker: np.ndarray
+    veil: np.ndarray
+    doubtful: np.ndarray
+    asked: int
+
+
+Candidates = Callable[[np.ndarray, int, int], tuple[np.ndarray, np.ndarray]]
+"""Rows (pair, blocker) of some pairs (m,) rising, of those blockers of each that may stand between, from one number to before another;
+quickest where those that may hide most come first.
+"""
+
+
+def in_front(owner: np.ndarray, corners: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """The parts of convex pieces (m, k, 3), relative to the points ``owner`` (m,), before the planes with ``normals`` (n, 3) there."""
+    return clip_half(corners, np.einsum("nkd,nd->nk", corners, normals.astype(np.float64)[owner]))
+
+
+def hiding(
+    points: np.ndarray,
+    owner: np.ndarray,
+    corners: np.ndarray,
+    blockers: Blockers,
+    candidates: Candidates,
+    depth: float = 1.0,
+    passes: np.ndarray | None = None,
+) -> Hiding:
+    """Which blockers hide some of the polygons of points; for the arguments see :func:`visible_light`.
+
+    Most points that see nothing see nothing past one of the first few blockers alone: the others are not asked.
+    """
+    count = len(points)
+    passes = np.zeros(len(blockers)) if passes is None else passes
+    veil, doubtful, asked, found = np.full(count, -1), np.zeros(count, bool), 0, []
+    for low, high in pairwise(_ROUNDS):
+        pair, blocker = candidates(np.flatnonzero(veil < 0), low, high)
+        asked += len(pair)
+        opaque = passes[blocker] == 0
+        doubtful[pair[opaque]] = True
+        meets, covers = _reach(points, owner, corners, blockers, pair, blocker, depth)
+        whole = np.flatnonzero(covers & opaque)[::-1]
+        veil[pair[whole]] = blockers.id[blocker[whole]]
+        some = np.flatnonzero(meets)
+        found.append((pair[some], blocker[some]))
+    pair, blocker = (np.concatenate(column) for column in zip(*found, strict=True))
+    left = np.flatnonzero(veil[pair] < 0)
+    return Hiding(pair[left], blocker[left], veil, doubtful, asked)
+
+
 def visible_light(
     points: np.ndarray,
-    normals: np.ndarray,
     owner: np.ndarray,
     corners: np.ndarray,
     blockers: Blockers,
@@ -32,30 +93,19 @@ def visible_light(
     light: Callable[[np.ndarray, np.ndarray], np.ndarray],
     depth: float = 1.0,
     passes: np.ndarray | None = None,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> np.ndarray:
     """Light (n, c) float64 from what points see of polygons.
 
-    Also (n,) int64 the ``id`` of a blocker that hides all of the polygon by itself, -1 where none does.
-
-    points, normals : (n, 3), one point and one polygon make a pair
-    owner : (m,) sorted, corners : (m, k, 3) float64, the convex pieces of the polygon of each pair, relative to its point
-    pair, blocker : (r,) rows, ``pair`` sorted, the blockers that may stand between
-    light : (owner (m,), parts (m, k, 3) of the polygons, before the planes of their points) to the light (m, c) of these
+    points : (n, 3), one point and one polygon make a pair
+    owner : (m,) sorted, corners : (m, k, 3) float64, the convex pieces of the polygon of each pair, relative to its point and
+        :func:`in_front` of it
+    pair, blocker : (r,) rows, the blockers that may hide some of it
+    light : (owner (m,), parts (m, k, 3) of the polygons) to the light (m, c) of these
     depth : 1 when blockers hide what lies beyond their planes, 0 when all that lies in their directions, as of the sky
     passes : (K,) 0..1, part of the light that each blocker lets through, as glass does, or None for opaque ones
     """
     count = len(points)
-    normals = normals.astype(np.float64)
-    corners = clip_half(corners, np.einsum("nkd,nd->nk", corners, normals[owner]))
     passes = np.zeros(len(blockers)) if passes is None else passes
-    meets, covers = _reach(points, owner, corners, blockers, pair, blocker, depth)
-    covers &= passes[blocker] == 0
-    veil = np.full(count, -1)
-    veil[pair[covers][::-1]] = blockers.id[blocker[covers][::-1]]
-    dark = veil >= 0
-    meets &= ~dark[pair]
-    pair, blocker = pair[meets], blocker[meets]
-    owner, corners = owner[~dark[owner]], corners[~dark[owner]]
     # The largest first: what they hide is never cut up by the smaller ones.
     size = blockers.size[blocker] / np.maximum(np.linalg.norm(blockers.middle[blocker] - points[pair], axis=1), 1e-9)
     # Glass last: it hides nothing that would then not have to be cut.
@@ -76,15 +126,15 @@ def visible_light(
         seen.append((owner[~waiting], weight[~waiting], corners[~waiting]))
         cut = np.flatnonzero(waiting)
         owner, weight, corners = owner.take(cut), weight.take(cut), corners.take(cut, 0)
-        hiding = row[first]
-        parent, weight, corners = _subtract(weight, corners, planes.take(hiding, 1), passes[blocker[hiding]])
+        now = row[first]
+        parent, weight, corners = _subtract(weight, corners, planes.take(now, 1), passes[blocker[now]])
         owner = owner[parent]
         members, piece = ragged(first[parent] + 1, np.diff(first, append=len(row))[parent] - 1)
         row = row[members]
     owners, weights, pieces = zip(*seen, strict=True)
     owner, weight, corners = np.concatenate(owners), np.concatenate(weights), _joined(pieces)
     found = weight[:, None] * light(owner, corners)
-    return np.stack([np.bincount(owner, x, minlength=count) for x in found.T], 1), veil
+    return np.stack([np.bincount(owner, x, minlength=count) for x in found.T], 1)
 
 
 def _reach(points, owner, corners, blockers, pair, blocker, depth) -> tuple[np.ndarray, np.ndarray]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...core.basis import gauss
 from ...core.occlusion import flat_blockers
-from ...core.shadows import visible_light
+from ...core.shadows import in_front, visible_light
 from ...core.transport import edge_sum, lambert
 
 COUNT = 40
@@ -96,11 +96,9 @@ def _seen(points: np.ndarray, normal: np.ndarray, source: np.ndarray, blockers: 
         return lambert(points, normals, outlines)
     plates = plates_of([np.asarray(p, float) for p in blockers])
     pair, blocker = (x.ravel() for x in np.meshgrid(np.arange(count), np.arange(len(blockers)), indexing="ij"))
-    corners = outlines - points[:, None]
-    light = visible_light(
-        points, normals, np.arange(count), corners, plates, pair, blocker, lambda k, part: edge_sum(part, normals[k])[:, None]
-    )
-    return light[0][:, 0]
+    corners = in_front(np.arange(count), outlines - points[:, None], normals)
+    light = visible_light(points, np.arange(count), corners, plates, pair, blocker, lambda k, part: edge_sum(part, normals[k])[:, None])
+    return light[:, 0]
 
 
 def plates_of(rectangles: list[np.ndarray]):

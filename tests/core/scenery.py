@@ -8,7 +8,7 @@ from enfilade.core.lamps import Lamps
 from enfilade.core.light_sources import light_sources
 from enfilade.core.parallel import Crew
 from enfilade.core.scene import Portals, Scene, no_portals
-from enfilade.core.shadows import visible_light
+from enfilade.core.shadows import hiding, in_front, visible_light
 from enfilade.core.transport import edge_sum
 
 
@@ -143,9 +143,16 @@ def region_means(forest, coefficients) -> np.ndarray:
 def visible_form_factors(points, normals, owner, outlines, blockers, pair, blocker):
     """(n,) form factors from points (n, 3) to what they see of polygons (m, k, 3), and (n,) veils; for the rest see ``visible_light``."""
     light = lambda row, parts: edge_sum(parts, normals[row])[:, None]  # noqa: E731
-    corners = outlines - points[owner].astype(float)[:, None]
-    found, veil = visible_light(points, normals, owner, corners, blockers, pair, blocker, light)
-    return found[:, 0], veil
+    corners = in_front(owner, outlines - points[owner].astype(float)[:, None], normals)
+    rank = np.arange(len(pair)) - np.searchsorted(pair, pair)
+
+    def candidates(pairs, low, high):
+        rows = np.flatnonzero((rank >= low) & (rank < high) & np.isin(pair, pairs))
+        return pair[rows], blocker[rows]
+
+    found = hiding(points, owner, corners, blockers, candidates)
+    seen = visible_light(points, owner, corners, blockers, found.pair, found.blocker, light)[:, 0]
+    return np.where(found.veil < 0, seen, 0.0), found.veil
 
 
 def light_kinds(building, lamps=None, portals=None):
