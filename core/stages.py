@@ -236,6 +236,7 @@ def shoot(
         desk.store.keep_arrays(stage, shooter.state(), facts, options.ordering)
         return time.perf_counter() - start
 
+    give_back_free()  # what closing the rooms and sorting the links took
     due = time.perf_counter() + CHECKPOINT_SECONDS
     for step in shooter.run(strategy, rng, tolerance, options.max_iterations):
         if isinstance(step, Radiosity):
