@@ -11,6 +11,9 @@ import numpy as np
 from .plan import WAYS, Setting
 from .results import Results
 
+FALL = 0.35
+"""Exponent of time with which an error falls that is mostly noise; pure noise falls with 0.5."""
+
 
 @dataclass(frozen=True)
 class Point:
@@ -60,7 +63,8 @@ def _point(label: str, runs: list[dict]) -> Point:
 def time_to(points: list[Point], level: float, error: str, noisy: bool) -> Reached | None:
     """When a curve first has an error of at most ``level``; None when it does not get there.
 
-    error : ``rmse`` or ``dark_rmse``;  noisy : beyond the best point the error goes on to fall with the root of the time
+    error : ``rmse`` or ``dark_rmse``;  noisy : beyond the best point the error goes on to fall with the root of the time, if it still did
+    between the last two points: what is not noise stays
     """
     found = sorted((p.seconds, p.score[error]) for p in points)
     if found[0][1] <= level:
@@ -72,6 +76,8 @@ def time_to(points: list[Point], level: float, error: str, noisy: bool) -> Reach
     if not noisy:
         return None
     seconds, best = found[-1]
+    if len(found) > 1 and np.log(found[-2][1] / best) < FALL * np.log(seconds / found[-2][0]):
+        return None
     return Reached(seconds * (best / level) ** 2, "beyond")
 
 

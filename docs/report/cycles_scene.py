@@ -10,13 +10,14 @@ import numpy as np
 
 from ...core.charts import make_charts, pack
 from ...core.corners import corner_faces
+from ...core.polygons import area_vectors
 from ...core.scene import Scene
 from ...core.subdivision import subdivide
 
 BOUNCES = 64
 """Diffuse bounces: enough that none are missed, also in white rooms."""
 LIFT, HALF = 1e-4, 2e-4
-"""Metres: tiny receivers over their surface, and half their side."""
+"""Metres: tiny receivers over their surface, and half their side. Lamps are lifted half as far."""
 MARGIN, SPREAD = 2, 16
 """Texels around the charts of a light map, and how far the bake goes on beyond them where there is room: the rim of a chart runs
 through texel centres, and next to black a denoiser darkens it."""
@@ -62,12 +63,23 @@ def prepare(samples: int, threads: int) -> bpy.types.Scene:
 
 
 def add_building(scene: Scene) -> tuple[bpy.types.Object, np.ndarray]:
-    """The polygons of a scene (none with holes) as one object with its materials, and its corners (C,) by polygon."""
+    """The polygons of a scene (none with holes) as one object with its materials, and its corners (C,) by polygon.
+
+    Lamps are lifted a little: rays of Cycles meet the ceiling in whose plane one lies as soon as the lamp, which then stays dark, as all of
+    three corridors of ``building`` did.
+    """
     start = scene.loop_start[scene.polygon_start]
-    faces = [c.tolist() for c in np.split(scene.corner_vertex, start[1:-1])]
+    normal = area_vectors(scene)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    polygon = np.repeat(np.arange(scene.polygon_count), np.diff(start))
+    shines = np.flatnonzero((scene.emission > 0).any(1)[polygon])
+    lifted = scene.vertices[scene.corner_vertex[shines]] + 0.5 * LIFT * normal[polygon[shines]]
+    corner, vertices = scene.corner_vertex.copy(), np.concatenate([scene.vertices, lifted])
+    corner[shines] = len(scene.vertices) + np.arange(len(shines))
+    faces = [c.tolist() for c in np.split(corner, start[1:-1])]
     kind = np.concatenate([scene.reflectance, scene.emission], axis=1)
     kinds, index = np.unique(kind, axis=0, return_inverse=True)
-    return _object("building", scene.vertices, faces, [_material(*row[:3], *row[3:]) for row in kinds], index.reshape(-1)), start
+    return _object("building", vertices, faces, [_material(*row[:3], *row[3:]) for row in kinds], index.reshape(-1)), start
 
 
 def at_points(scene: Scene) -> Receiver:

@@ -42,8 +42,8 @@ RATIOS = """\
 
 Seconds to come down to an error, between two settings on a straight line of logarithms. `<`: the fastest setting is better
 already. `~`: Cycles at the points beyond its largest number of samples, where noise falls with the root of the time. A dash: not
-reached by any setting. Of Cycles the way that is first. The reference is itself a sampled one: an error of less than its
-noise cannot be measured, on `building` {noise}.
+reached by any setting, nor by more samples where the error of the last ones was no longer mostly noise. Of Cycles the way that is
+first. The reference is itself a sampled one: an error of less than its noise cannot be measured, on `building` {noise}.
 """
 
 STAGES = """\

@@ -31,6 +31,13 @@ def test_times_are_read_off_a_straight_line_of_logarithms():
     assert (within.seconds, within.how) == (1, "within")
 
 
+def test_what_is_not_noise_does_not_fall_with_more_samples():
+    stuck = points((1, 0.4), (4, 0.26), (16, 0.22))
+    assert time_to(stuck, 0.02, "rmse", noisy=True) is None
+    assert time_to(stuck, 0.3, "rmse", noisy=True).how == "between"
+    assert time_to(points((1, 0.4)), 0.2, "rmse", noisy=True).seconds == pytest.approx(4)  # one point tells nothing else
+
+
 def test_an_error_that_rises_again_counts_where_it_first_falls_below():
     assert time_to(points((1, 0.1), (10, 0.01), (100, 0.02)), 0.03162, "rmse", noisy=False).seconds == pytest.approx(3.16, abs=0.01)
 
