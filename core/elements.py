@@ -376,14 +376,14 @@ class Subtrees:
         by_level = np.argsort(level, kind="stable").astype(np.int32)
         start = np.searchsorted(level[by_level], np.arange(depth + 2))
         # Elements that stand by level, as those of an emitter do, need no index: that of a slice is shorter and quicker.
-        sorted_ = bool((np.diff(level) >= 0).all())
+        in_order = bool((np.diff(level) >= 0).all())
         inner = ~forest.leaf_of(elements)
         self.leaves = np.flatnonzero(~inner).astype(np.int32)
         self._down, self._up = [], []
         for k in range(1, depth + 1):
             here = by_level[start[k] : start[k + 1]]
             ids = elements[here]
-            rows = slice(int(start[k]), int(start[k + 1])) if sorted_ else here
+            rows = slice(int(start[k]), int(start[k + 1])) if in_order else here
             self._down.append((rows, self._place[forest.parent[ids]], forest.slot[ids]))
         for k in range(depth - 1, -1, -1):
             here = by_level[start[k] : start[k + 1]]
