@@ -11,6 +11,8 @@ from .regions import Regions
 
 SQUARISH = 1.5
 """A cell longer than this many times its width is halved across its length, any other is quartered."""
+BLOCK = 1 << 14
+"""Elements that are made at once: what is known of them on the way takes a kilobyte each."""
 
 
 _RANK = np.array([[(family & ((1 << k) - 1)).bit_count() if family >> k & 1 else -1 for k in range(4)] for family in range(16)], np.int32)
@@ -183,6 +185,11 @@ class Forest:
 
     def _append(self, region, parent, slot, box, full, piece_start, piece_count, piece_table):
         """Add elements; those that cover nothing are left out. Returns the id of each, -1 where left out."""
+        columns = (region, parent, slot, box, full, piece_start, piece_count)
+        parts = (slice(low, low + BLOCK) for low in range(0, len(region), BLOCK))
+        return np.concatenate([self._append_block(*(x[part] for x in columns), piece_table) for part in parts])
+
+    def _append_block(self, region, parent, slot, box, full, piece_start, piece_count, piece_table):
         count, q = len(region), basis.nodes_per_axis(self.order)
         row = np.zeros(count, np.int32)
         keep = np.ones(count, bool)
