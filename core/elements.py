@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from . import basis
+from .contours import contours
 from .coverage import clipped_pieces, measure
-from .grouping import GrowingArray, ragged, runs
+from .grouping import GrowingArray, ragged, runs, starts_of
 from .regions import Regions
 
 SQUARISH = 1.5
@@ -346,27 +347,32 @@ class Forest:
         uv = cover[:, None, :2] + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * cover[:, None, 2:]
         return self.regions.world(region, uv.reshape(-1, 2)).reshape(-1, 4, 3).astype(np.float32)
 
-    def outlines(self, elements: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Convex polygons (r, k, 3) float64 that make up the covered part of elements, and their rows (r,), sorted."""
-        row, flat = self._flat_outlines(elements)
-        region = np.repeat(self.region[elements][row], flat.shape[1])
-        return row, self.regions.world(region, flat.reshape(-1, 2)).reshape(len(row), -1, 3)
+    def contours(self, elements: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Edges around the covered part of elements (n,): their rows (e,), sorted, and their ends (e, 3), (e, 3) float64.
 
-    def _flat_outlines(self, elements):
+        As of :func:`contours.contours`: closed chains with the element on their left, seen from its front.
+        """
+        some, index = np.unique(elements, return_inverse=True)
+        row, *ends = self._flat_contours(some)
+        region = self.region[some][row]
+        first = starts_of(row, len(some))
+        edge, row = ragged(first[index], np.diff(first)[index])
+        return row, *(self.regions.world(region, end).take(edge, 0) for end in ends)
+
+    def _flat_contours(self, elements):
+        """The same in the frames of the regions."""
         partial = self._cut.view()[elements] > 0
-        full = np.flatnonzero(~partial)
+        full, cut = np.flatnonzero(~partial), np.flatnonzero(partial)
         box = self.box[elements]
-        low, high = box[full, :2], box[full, :2] + box[full, 2:]
-        rectangle = np.stack([low, np.stack([high[:, 0], low[:, 1]], 1), high, np.stack([low[:, 0], high[:, 1]], 1)], axis=1)
-        cut = np.flatnonzero(partial)
+        u, v = (np.stack([box[full, k], box[full, k] + box[full, k + 2]], axis=1) for k in (0, 1))
+        corner = np.stack([u[:, [0, 1, 1, 0]], v[:, [0, 0, 1, 1]]], axis=2)
         start, count = self._pieces.view()[self._cut.view()[elements[cut]]].T
         members, owner = ragged(start, count)
-        clipped = clipped_pieces(self.regions, box[cut], owner, self._piece_ids.view()[members])
-        missing = clipped.shape[1] - 4
-        rectangle = np.concatenate([rectangle, np.repeat(rectangle[:, 3:], missing, 1)], axis=1)
-        row = np.concatenate([full, cut[owner]])
+        around, first, last = contours(owner, clipped_pieces(self.regions, box[cut], owner, self._piece_ids.view()[members]))
+        row = np.concatenate([np.repeat(full, 4), cut[around]])
         order = np.argsort(row, kind="stable")
-        return row[order], np.concatenate([rectangle, clipped])[order]
+        ends = np.concatenate([corner.reshape(-1, 2), first]), np.concatenate([np.roll(corner, -1, 1).reshape(-1, 2), last])
+        return row[order], *(end[order] for end in ends)
 
 
 class Subtrees:

@@ -424,12 +424,9 @@ def _fitted(forest: Forest, a: np.ndarray, b: np.ndarray, kernel: np.ndarray, tr
 
 def _exact(forest: Forest, receiver: np.ndarray, source: np.ndarray) -> np.ndarray:
     """(n, i) float64 irradiance at the nodes of receivers by sources of exitance 1, as if nothing stood between."""
-    row, outline = forest.outlines(source)
-    nodes, normal = forest.nodes_of(receiver), forest.regions.normal.take(forest.region[receiver], 0)
-    exact = np.zeros(nodes.shape[:2])
-    for k in range(nodes.shape[1]):
-        factor = transport.lambert(nodes[:, k].take(row, 0), normal.take(row, 0), outline)
-        exact[:, k] = np.bincount(row, factor, minlength=len(receiver))
-    # A node on or behind the plane of the source gets none of its light, whatever the formula says of the polygon.
-    facing = forest.regions.normal[forest.region[source]]
+    row, start, end = forest.contours(source)
+    regions = forest.regions
+    nodes, normal, facing = forest.nodes_of(receiver), *(regions.normal.take(forest.region[x], 0) for x in (receiver, source))
+    exact = np.stack([transport.contour_form_factors(nodes[:, k], normal, facing, row, start, end) for k in range(nodes.shape[1])], axis=1)
+    # A node on or behind the plane of the source gets none of its light, whatever the formula says of the shape.
     return np.where(np.einsum("nik,nk->ni", nodes - forest.nodes_of(source)[:, :1], facing) > 0, exact, 0.0)

@@ -43,6 +43,43 @@ def lambert(points: np.ndarray, normals: np.ndarray, polygons: np.ndarray) -> np
     return out
 
 
+def contour_form_factors(
+    points: np.ndarray, normals: np.ndarray, facing: np.ndarray, row: np.ndarray, start: np.ndarray, end: np.ndarray
+) -> np.ndarray:
+    """Form factor (n,) from points to flat shapes of any contour, exact, as :func:`lambert`; a point is before the front of its shape.
+
+    points, normals : (n, 3);  facing : (n, 3) normals of the shapes
+    row : (e,) the point of every edge, sorted;  start, end : (e, 3) float64, closed chains of edges whose corners are equal to the bit
+
+    An edge counts as far as it is before the plane of the point. Where the contour passes this plane it goes on along the line that
+    both planes share: of that way every passage knows its own end, by the angle from the foot of the line to the passage.
+    """
+    points, normals, facing = (x.astype(np.float64) for x in (points, normals, facing))
+    origin, up = points.take(row, 0), normals.take(row, 0)
+    p, q = start - origin, end - origin
+    # Not by einsum: the height of a corner must be the same on both of its edges, or a passage would be found on one alone.
+    height_p, height_q = (x[:, 0] * up[:, 0] + x[:, 1] * up[:, 1] + x[:, 2] * up[:, 2] for x in (p, q))
+    passes = np.flatnonzero((height_p > 0) != (height_q > 0))
+    share = (height_p[passes] / (height_p[passes] - height_q[passes]))[:, None]
+    passage = p.take(passes, 0) + share * (q.take(passes, 0) - p.take(passes, 0))
+    leaves = height_p[passes] > 0
+    p[passes[~leaves]], q[passes[leaves]] = passage[~leaves], passage[leaves]
+    counts = np.flatnonzero((height_p > 0) | (height_q > 0))
+    p, q = p.take(counts, 0), q.take(counts, 0)
+    normal = cross(p, q)
+    sine = np.sqrt(np.einsum("ed,ed->e", normal, normal))
+    angle = np.arctan2(sine, np.einsum("ed,ed->e", p, q))
+    part = np.einsum("ed,ed->e", normal, up.take(counts, 0)) * np.where(sine > 1e-30, angle / np.maximum(sine, 1e-30), 0.0)
+    total = np.bincount(row.take(counts), part, minlength=len(points))
+    # The shape lies at a negative height along its facing normal, so the foot of the line lies against it.
+    own = row.take(passes)
+    toward = (np.einsum("nd,nd->n", facing, normals)[:, None] * normals - facing).take(own, 0)
+    aside = cross(up.take(passes, 0), toward)
+    turn = np.arctan2(np.einsum("ed,ed->e", passage, aside), np.einsum("ed,ed->e", passage, toward))
+    total += np.bincount(own, np.where(leaves, -turn, turn), minlength=len(points))
+    return np.abs(total) / (2 * np.pi)
+
+
 def edge_sum(corners: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """Lambert's sum (n,) over the edges of polygons (n, k, 3) given relative to the points, all in front of them."""
     ahead = following(corners)

@@ -255,23 +255,25 @@ def test_from_nodes_keeps_the_mean_of_any_values(order):
 
 
 @shapes
-def test_outlines_make_up_the_element(shape):
+def test_contours_run_around_the_element(shape):
     turn = rotation(7)
     forest = forest_of(shape, 2, turn, rounds=4)
     elements = np.random.default_rng(0).permutation(len(forest))
-    row, corners = forest.outlines(elements)
+    row, start, end = forest.contours(elements)
     assert (np.diff(row) >= 0).all()
-    vector = 0.5 * np.cross(corners - corners[:, :1], np.roll(corners, -1, 1) - corners[:, :1]).sum(1)
-    area = vector @ turn[:, 2]  # counter-clockwise from the front
-    np.testing.assert_allclose(np.bincount(row, area, minlength=len(elements)), forest.area[elements], rtol=1e-6)
-    assert area.min() > -1e-12
-    # What is around an element is around its outlines.
+    # Counter-clockwise from the front, the triangles from any one point to the edges make up the area.
     centre, radius = forest.spheres(elements)
-    assert (np.linalg.norm(corners - centre[row, None], axis=2).max(1) <= radius[row] + 1e-5).all()
+    area = 0.5 * np.cross(start - centre[row], end - centre[row]) @ turn[:, 2]
+    np.testing.assert_allclose(np.bincount(row, area, minlength=len(elements)), forest.area[elements], rtol=1e-6)
+    # Closed: of every corner as many edges leave as arrive.
+    out, into = (sorted(map(tuple, np.column_stack([row, x]).tolist())) for x in (start, end))
+    assert out == into
+    # What is around an element is around its contour.
+    assert (np.linalg.norm(start - centre[row], axis=1) <= radius[row] + 1e-5).all()
     frame = forest.corners(elements)
     np.testing.assert_allclose(frame.mean(1), centre, atol=1e-5)
     half = np.abs(frame - centre[:, None]).max(1)
-    assert (np.abs(corners - centre[row, None]).max(1) <= half[row] + 1e-5).all()
+    assert (np.abs(start - centre[row]) <= half[row] + 1e-5).all()
 
 
 @pytest.mark.parametrize("size", [(10, 1), (1, 7.3), (1, 1), (100, 3), (1, 1.6)])
