@@ -187,7 +187,7 @@ class Forest:
     def _append(self, region, parent, slot, box, full, piece_start, piece_count, piece_table):
         """Add elements; those that cover nothing are left out. Returns the id of each, -1 where left out."""
         columns = (region, parent, slot, box, full, piece_start, piece_count)
-        parts = (slice(low, low + BLOCK) for low in range(0, len(region), BLOCK))
+        parts = (slice(low, low + BLOCK) for low in range(0, len(region) or 1, BLOCK))
         return np.concatenate([self._append_block(*(x[part] for x in columns), piece_table) for part in parts])
 
     def _append_block(self, region, parent, slot, box, full, piece_start, piece_count, piece_table):

@@ -9,7 +9,7 @@ in the mean square over its area, so that work goes where the light is.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import groupby
 
 import numpy as np
@@ -17,43 +17,23 @@ import numpy as np
 from . import transport
 from .building import Building
 from .elements import Forest
+from .exchanges import Ends, Estimate, Pairs, misfit, modes, weigh
 from .glass import through_glass
 from .links import LinkCollector, LinkSet
-from .occlusion import Bodies, Cuts, ShaftIndex, Shafts, cut_segments
+from .pair_visibility import View, look
 from .parallel import Crew
-from .passages import Passages
-from .sightlines import scope_groups, scope_of
+from .sightlines import Tile, pairs_of, scopes, tiles
 
-# Relative errors of one exchange, in the mean square over the receiver, for elements of radius r at distance d: the second
-# derivative of the kernel leaves 0.3 (r/d)**2 of a linear function, the first 0.8 r/d of a constant; a node in place of a
-# rule misses 0.6 (r/d)**2 of the source, and r/d of its slope; a sampled visibility misses a part of its own spread.
-LINEAR, CONSTANT, ONE_SOURCE, SLOPE, PARTLY_SEEN = 0.3, 0.8, 0.6, 1.0, 0.3
-FAR = 1.5
-"""Elements this many sums of their radii apart may be one node each."""
+PARTLY_SEEN = 0.3
+"""Error of an exchange by a sampled visibility: a part of the spread of that."""
 TOUCHING = 1.0
 """Elements closer than this many sums of their radii take the exact polygon formula (design measure: Gauss is 1 % wrong there)."""
 EVEN, ROUNDS = 1e-3, 4
 """Fits of touching elements: part of evenly spread light in what is scaled, and how often."""
-NEGLIGIBLE = 1e-3
-"""An exchange below this part of what is admissible as an error is left out and its bound added to the total."""
 BLOCK_PAIRS = 1 << 14
 """Pairs of elements that one worker treats at once."""
 FEW_PAIRS = 1 << 9
 """Parcels with no more pairs that are split than this together become one: a block of few pairs costs more than its pairs."""
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """What is known of the light before the links are made, for the oracle alone.
-
-    exitance : (E,) float64, largest channel of the mean reflected exitance of every element, W/m2
-    slope : (E,) float64, root mean square of the part of it that is not constant, W/m2
-    tolerance : (G,) float64, per region, admissible error times the root of the receiver's area, W/m
-    """
-
-    exitance: np.ndarray
-    slope: np.ndarray
-    tolerance: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -73,9 +53,16 @@ class _Block:
     a: np.ndarray
     b: np.ndarray
 
+    def parts(self) -> Iterator[_Block]:
+        """Its pairs in turn, as many as are treated at once."""
+        for low in range(0, len(self.a), BLOCK_PAIRS):
+            yield _Block(self.nearby, self.a[low : low + BLOCK_PAIRS], self.b[low : low + BLOCK_PAIRS])
+
 
 @dataclass
 class _Outcome:
+    """What became of pairs: their links, those of which one side (the one named first, or second) is split, and the account."""
+
     links: list[LinkSet]
     split_a: tuple[np.ndarray, np.ndarray]
     split_b: tuple[np.ndarray, np.ndarray]
@@ -91,13 +78,13 @@ def link(
     min_size : metres, elements are not split below it;  collector : takes the links as they are made
     """
     collector = collector or LinkCollector()
-    groups = scope_groups(building)
-    parcels, whole = (_first(building, *group) for group in groups), len(groups)
+    roots = scopes(building)
+    parcels, whole, treat = (tiles(building, scope) for scope in roots), len(roots), _treat_roots
     dropped, tests, rounds = 0.0, 0, 0
     while whole:
         # Blocks are made when they are due: all pairs of a building at once would take more memory than anything else.
         outcomes, sources = [], []
-        for outcome in crew.map(_treat, (building, forest, estimate, min_size), _blocks(parcels, sources)):
+        for outcome in crew.map(treat, (building, forest, estimate, min_size), _one_by_one(parcels, sources)):
             collector.add(outcome.links)
             outcome.links = []
             number = sources[len(outcomes)][0]
@@ -108,22 +95,17 @@ def link(
         tests += sum(o.segment_tests for o in outcomes)
         forest.split(np.concatenate([np.zeros(0, np.int32)] + [o.split_a[0] for o in outcomes] + [o.split_b[1] for o in outcomes]))
         estimate = _inherited(estimate, forest)
-        parcels, whole = _next(forest, sources, outcomes)
+        below, whole = _next(forest, sources, outcomes)
+        parcels, treat = (block.parts() for block in below), _treat
     yield Linking(collector.links(), dropped, tests)
 
 
-def _first(building: Building, group: np.ndarray, within: bool) -> _Block:
-    """All pairs of root elements of one scope."""
-    scope = scope_of(building, group, within)
-    return _Block(scope.nearby, scope.a, scope.b)
-
-
-def _blocks(parcels: Iterable[_Block], sources: list[tuple[int, np.ndarray]]) -> Iterator[_Block]:
-    """Parcels cut into blocks; of every block ``sources`` receives the number of its parcel, and what is near."""
+def _one_by_one(parcels: Iterable[Iterable[Tile | _Block]], sources: list[tuple[int, np.ndarray]]) -> Iterator[Tile | _Block]:
+    """The parts of parcels; of every part ``sources`` receives the number of its parcel, and what is near."""
     for number, parcel in enumerate(parcels):
-        for k in range(0, len(parcel.a), BLOCK_PAIRS):
-            sources.append((number, parcel.nearby))
-            yield _Block(parcel.nearby, parcel.a[k : k + BLOCK_PAIRS], parcel.b[k : k + BLOCK_PAIRS])
+        for part in parcel:
+            sources.append((number, part.nearby))
+            yield part
 
 
 def _inherited(estimate: Estimate, forest: Forest) -> Estimate:
@@ -168,227 +150,53 @@ def _children(forest: Forest, outcome: _Outcome) -> tuple[np.ndarray, np.ndarray
     return tuple(np.concatenate(side) for side in zip(*sides, strict=True))
 
 
-def _bodies(forest: Forest, elements: np.ndarray) -> tuple[Bodies, np.ndarray]:
-    """The elements as bodies of a shaft, and their radii (n,)."""
-    centre, radius = forest.spheres(elements)
-    region, half = forest.region[elements], 0.5 * forest.cover_of(elements)[:, 2:]
-    r = forest.regions
-    sides = (half[:, :1] * r.u[region], half[:, 1:] * r.v[region], r.normal[region])
-    return Bodies(centre, *(x.astype(np.float32) for x in sides)), radius
-
-
-@dataclass(frozen=True)
-class _Pairs:
-    """n pairs of bodies ia, ib (indices into the elements of a block).
-
-    distance : of their centres, m;  xa, xb : radius over distance
-    gain_a, gain_b : light that each would receive unoccluded, in units of the error that is admissible there
-    slope_a, slope_b : the same for the part of the exitance of a (of b) that is not constant, at the other side
-    """
-
-    ia: np.ndarray
-    ib: np.ndarray
-    distance: np.ndarray
-    xa: np.ndarray
-    xb: np.ndarray
-    gain_a: np.ndarray
-    gain_b: np.ndarray
-    slope_a: np.ndarray
-    slope_b: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.ia)
-
-    @property
-    def gain(self) -> np.ndarray:
-        return np.maximum(self.gain_a, self.gain_b)
-
-    def take(self, rows: np.ndarray) -> _Pairs:
-        return _Pairs(*(getattr(self, f.name).take(rows) for f in fields(self)))
+def _treat_roots(building: Building, forest: Forest, estimate: Estimate, min_size: float, tile: Tile) -> _Outcome:
+    """The pairs of root elements of a tile. In rooms of many surfaces few of them matter: those are sought first, and treated together."""
+    block, dropped = _Block(tile.nearby, *pairs_of(building, tile)), 0.0
+    if len(block.a) > BLOCK_PAIRS:
+        kept = []
+        for part in block.parts():
+            ends, worth, out = weigh(building, forest, estimate, part.a, part.b)
+            kept.append((ends.elements[worth.ia], ends.elements[worth.ib]))
+            dropped += out
+        block = _Block(tile.nearby, *(np.concatenate(side) for side in zip(*kept, strict=True)))
+    none = np.zeros(0, np.int32)
+    done = [_Outcome([], (none, none), (none, none), dropped, 0)]
+    done += [_treat(building, forest, estimate, min_size, part) for part in block.parts()]
+    links = [links for outcome in done for links in outcome.links]
+    splits = ([np.concatenate(side) for side in zip(*of, strict=True)] for of in zip(*((o.split_a, o.split_b) for o in done), strict=True))
+    return _Outcome(links, *map(tuple, splits), sum(o.dropped for o in done), sum(o.segment_tests for o in done))
 
 
 def _treat(building: Building, forest: Forest, estimate: Estimate, min_size: float, block: _Block) -> _Outcome:
-    elements, index = np.unique(np.concatenate([block.a, block.b]), return_inverse=True)
-    bodies, radius = _bodies(forest, elements)
-    ia, ib = _open_pairs(building, forest.region[elements], bodies, index[: len(block.a)], index[len(block.a) :])
-    pairs, dropped = _worthwhile(
-        _assess(forest, estimate, elements, bodies, radius, ia, ib), forest.area_of(elements), estimate, elements, forest
-    )
+    ends, pairs, dropped = weigh(building, forest, estimate, block.a, block.b)
+    ia, ib, elements = pairs.ia, pairs.ib, ends.elements
     splittable = forest.can_split(elements, min_size)
-    can_split = splittable[pairs.ia] | splittable[pairs.ib]
-    refine = can_split & (_misfit(pairs, forest.order) > 1)
-    links, tests = [], 0
-    points = _points(forest, elements, bodies)
-    left = np.unique(np.concatenate([pairs.ia, pairs.ib]))
-    shafts = ShaftIndex(building.blockers_between(block.nearby, *bodies.take(left).box()) if len(left) else building.blockers.take(left))
-    modes = list(_modes(pairs, np.flatnonzero(~refine)))
-    wide = _Sought(shafts, bodies, pairs, [rows for one_a, one_b, rows in modes if not (one_a and one_b)])
-    for one_a, one_b, rows in modes:
-        here = pairs.take(rows)
-        nodes = _nodes(forest, elements[here.ia], one_a), _nodes(forest, elements[here.ib], one_b)
-        # The shaft of a single ray is the ray: nothing else is asked, and next to nothing stands in it.
-        ray = one_a and one_b
-        pair, blocker = (_Sought(shafts, points, pairs, [rows]) if ray else wide).candidates(here)
-        cuts = cut_segments(shafts.blockers, pair, blocker, *nodes)
-        tests += len(pair) * nodes[0].shape[1] * nodes[1].shape[1]
-        bad = np.zeros(len(here), bool)
-        if not ray:
-            bad = can_split[rows] & (here.gain * PARTLY_SEEN * _spread(cuts, pair) > 1)
-            alone = np.flatnonzero(bad & (cuts.alone >= 0))
-            bad[alone] = ~_surely_hidden(forest, shafts.blockers, elements[here.ia[alone]], elements[here.ib[alone]], alone, pair, blocker)
-        refine[rows[bad]] = True
-        good = np.flatnonzero(~bad & ~cuts.hidden.all((1, 2)))
-        nodes = nodes[0].take(good, 0), nodes[1].take(good, 0)
-        seen = ~cuts.hidden.take(good, 0) * through_glass(building, forest.region[elements], here.ia[good], here.ib[good], *nodes)
-        links += _links(forest, elements, bodies, radius, here.take(good), *nodes, seen)
-    ia, ib = pairs.ia, pairs.ib
-    larger_a = np.where(splittable[ia] & splittable[ib], radius[ia] >= radius[ib], splittable[ia])
+    can_split = splittable[ia] | splittable[ib]
+    refine = can_split & (misfit(pairs, forest.order) > 1)
+    views = [View(forest, ends, pairs, mode) for mode in modes(pairs, np.flatnonzero(~refine))]
+    limit = np.where(can_split, 1 / (PARTLY_SEEN * np.maximum(pairs.gain, 1e-300)), np.inf)
+    left = np.unique(np.concatenate([ia, ib]))
+    blockers = building.blockers_between(block.nearby, *ends.bodies.take(left).box()) if len(left) else building.blockers.take(left)
+    links, tests = [], look(forest, ends, pairs, views, blockers, limit)
+    for view in views:
+        bad = view.spread() > limit[view.rows]
+        refine[view.rows[bad]] = True
+        good = np.flatnonzero(~bad & ~view.hidden.all((1, 2)))
+        nodes = [x.take(good, 0) for x in view.nodes]
+        here = pairs.take(view.rows[good])
+        seen = ~view.hidden.take(good, 0) * through_glass(building, forest.region[elements], here.ia, here.ib, *nodes)
+        links += _links(forest, ends, here, *nodes, seen)
+    larger_a = np.where(splittable[ia] & splittable[ib], ends.radius[ia] >= ends.radius[ib], splittable[ia])
     at_a, at_b = np.flatnonzero(refine & larger_a), np.flatnonzero(refine & ~larger_a)
     return _Outcome(links, (elements[ia[at_a]], elements[ib[at_a]]), (elements[ia[at_b]], elements[ib[at_b]]), dropped, tests)
 
 
-def _open_pairs(building: Building, region: np.ndarray, bodies: Bodies, ia: np.ndarray, ib: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The pairs that face each other and, in different rooms, meet a portal of either room."""
-    facing = _face_each_other(bodies, ia, ib, building.blockers.clearance)
-    ia, ib = ia[facing], ib[facing]
-    room = building.regions.room[region]
-    passes = Passages(building.doors, room).open(bodies, room, ia, ib)
-    return ia[passes], ib[passes]
-
-
-def _assess(forest: Forest, estimate: Estimate, elements, bodies: Bodies, radius: np.ndarray, ia: np.ndarray, ib: np.ndarray) -> _Pairs:
-    form_a, form_b, distance = _form_factors(forest, elements, bodies, radius, ia, ib)
-    root = np.sqrt(forest.area_of(elements)) / estimate.tolerance[forest.region[elements]]
-    exitance, slope = estimate.exitance[elements], estimate.slope[elements]
-    to_a, to_b = form_a * root[ia], form_b * root[ib]
-    return _Pairs(
-        ia, ib, distance, radius[ia] / distance, radius[ib] / distance,
-        to_a * exitance[ib], to_b * exitance[ia], to_b * slope[ia], to_a * slope[ib],
-    )  # fmt: skip
-
-
-def _worthwhile(pairs: _Pairs, area: np.ndarray, estimate: Estimate, elements: np.ndarray, forest: Forest) -> tuple[_Pairs, float]:
-    """The pairs that matter, and a bound (W) on the light of those that do not."""
-    worth = pairs.gain > NEGLIGIBLE
-    rest = pairs.take(np.flatnonzero(~worth))
-    scale = estimate.tolerance[forest.region[elements]] * np.sqrt(area)  # back from admissible errors to watts
-    return pairs.take(np.flatnonzero(worth)), float(np.sum(rest.gain_a * scale[rest.ia]) + np.sum(rest.gain_b * scale[rest.ib]))
-
-
-def _misfit(pairs: _Pairs, order: int) -> np.ndarray:
-    """(n,) error of an exchange between all nodes of both elements, in units of what is admissible."""
-    if order > 1:
-        return pairs.gain * LINEAR * (pairs.xa**2 + pairs.xb**2)
-    at_a = pairs.gain_a * (CONSTANT * pairs.xa + LINEAR * pairs.xb**2) + SLOPE * pairs.slope_b * pairs.xb
-    at_b = pairs.gain_b * (CONSTANT * pairs.xb + LINEAR * pairs.xa**2) + SLOPE * pairs.slope_a * pairs.xa
-    return np.maximum(at_a, at_b)
-
-
-def _modes(pairs: _Pairs, rows: np.ndarray) -> Iterator[tuple[bool, bool, np.ndarray]]:
-    """Splits ``rows`` by which side may be a single node: (a is single, b is single, rows)."""
-    p = pairs.take(rows)
-    # A single node stands for an element only from afar, however little light is at stake: its kernel has no bound near by.
-    afar = FAR * (p.xa + p.xb) < 1
-    single = []
-    for x, received, sent, slope in ((p.xa, p.gain_a, p.gain_b, p.slope_a), (p.xb, p.gain_b, p.gain_a, p.slope_b)):
-        error = np.maximum(received * CONSTANT * x, sent * ONE_SOURCE * x**2 + slope * SLOPE * x)
-        single.append(afar & (error < 0.5))
-    # One ray sees all or nothing: good enough only where even that does not matter.
-    full = single[0] & single[1] & (p.gain >= 1)
-    for one_a in (False, True):
-        for one_b in (False, True):
-            chosen = np.flatnonzero(((single[0] & ~full) == one_a) & ((single[1] & ~full) == one_b))
-            if len(chosen):
-                yield one_a, one_b, rows[chosen]
-
-
-class _Sought:
-    """The shafts of the bodies of some rows of pairs, for the blockers that may stand between them."""
-
-    def __init__(self, blockers: ShaftIndex, bodies: Bodies, pairs: _Pairs, rows: list[np.ndarray]):
-        used = np.zeros(len(bodies), bool)
-        for some in rows:
-            used[pairs.ia[some]] = used[pairs.ib[some]] = True
-        self._place = np.cumsum(used) - 1
-        self._shafts = Shafts(bodies.take(np.flatnonzero(used)), blockers)
-
-    def candidates(self, pairs: _Pairs) -> tuple[np.ndarray, np.ndarray]:
-        """Rows (pair, blocker) of the blockers that may stand between the bodies of ``pairs``."""
-        return self._shafts.candidates(self._place[pairs.ia], self._place[pairs.ib])
-
-
-def _points(forest: Forest, elements: np.ndarray, bodies: Bodies) -> Bodies:
-    """The elements shrunk to their centres of gravity."""
-    zero = np.zeros_like(bodies.half_u)
-    return Bodies(forest.centroids(elements), zero, zero, bodies.normal)
-
-
-def _spread(cuts: Cuts, pair: np.ndarray) -> np.ndarray:
-    """(n,) standard deviation of the visibility of a segment between two elements, of which some are known.
-
-    Samples that agree prove nothing while a blocker may stand between them: half a sample is taken to disagree. Only a
-    pair without candidates is certain.
-    """
-    count = cuts.hidden.shape[1] * cuts.hidden.shape[2]
-    share = (cuts.hidden.sum((1, 2)) + 0.5) / (count + 1)
-    doubtful = np.zeros(len(cuts.alone), bool)
-    doubtful[pair] = True
-    return np.where(doubtful, np.sqrt(share * (1 - share)), 0.0)
-
-
-def _surely_hidden(forest, blockers, a, b, chosen, pair, blocker) -> np.ndarray:
-    """(n,) bool: one blocker cuts all segments between the corners of elements a and b, and so all between the elements.
-
-    chosen : (n,) numbers of these pairs in the rows (pair, blocker).
-    """
-    place = np.full(int(pair.max(initial=-1)) + 1, -1)
-    place[chosen] = np.arange(len(chosen))
-    mine = place[pair] >= 0
-    return cut_segments(blockers, place[pair[mine]], blocker[mine], forest.corners(a), forest.corners(b)).alone >= 0
-
-
-def _face_each_other(bodies: Bodies, ia: np.ndarray, ib: np.ndarray, clearance: float) -> np.ndarray:
-    """(n,) bool: some part of each body lies in front of the other's plane."""
-    offset = bodies.centre.take(ib, 0) - bodies.centre.take(ia, 0)
-    front = np.ones(len(ia), bool)
-    for sign, i, j in ((1, ia, ib), (-1, ib, ia)):
-        normal = bodies.normal.take(i, 0)
-        dot = lambda x, n=normal: np.einsum("ij,ij->i", x, n)  # noqa: E731
-        front &= sign * dot(offset) + np.abs(dot(bodies.half_u.take(j, 0))) + np.abs(dot(bodies.half_v.take(j, 0))) > 2 * clearance
-    return front
-
-
-def _form_factors(forest, elements, bodies, radius, ia, ib):
-    """Unoccluded estimates (n,): part of the light of b in the irradiance at a and the reverse, and the distance of the centres.
-
-    The cosines are those of the nearest points of the balls around both: the centres of two wide parallel plates a hand apart
-    may lie far off to the side of each other.
-    """
-    offset = (bodies.centre.take(ib, 0) - bodies.centre.take(ia, 0)).astype(np.float64)
-    distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-9)
-    gap = np.maximum(distance - radius[ia] - radius[ib], 1e-9)
-    cosine = []
-    for sign, i, j in ((1, ia, ib), (-1, ib, ia)):
-        normal = bodies.normal.take(i, 0)
-        dot = lambda x, n=normal: np.einsum("ij,ij->i", x, n)  # noqa: E731
-        top = sign * dot(offset) + np.abs(dot(bodies.half_u.take(j, 0))) + np.abs(dot(bodies.half_v.take(j, 0)))
-        cosine.append(np.clip(top / gap, 0, 1))
-    area = forest.area_of(elements)
-    both = cosine[0] * cosine[1]
-    sphere = np.pi * distance**2
-    return both * area[ib] / (sphere + area[ib]), both * area[ia] / (sphere + area[ia]), distance
-
-
-def _nodes(forest: Forest, elements: np.ndarray, one: bool) -> np.ndarray:
-    """(n, 1 or q*q, 3) float32."""
-    return forest.centroids(elements)[:, None] if one else forest.nodes_of(elements)
-
-
-def _links(forest, elements, bodies, radius, pairs: _Pairs, nodes_a, nodes_b, seen) -> list[LinkSet]:
+def _links(forest: Forest, ends: Ends, pairs: Pairs, nodes_a, nodes_b, seen) -> list[LinkSet]:
     """Links of pairs whose nodes and visibility (n, i, j) are known; near ones by the exact polygon formula."""
-    ia, ib = pairs.ia, pairs.ib
-    a, b = elements[ia].astype(np.int32), elements[ib].astype(np.int32)
-    exchange = transport.kernel(nodes_a, bodies.normal.take(ia, 0), nodes_b, bodies.normal.take(ib, 0))
+    ia, ib, normal = pairs.ia, pairs.ib, ends.bodies.normal
+    a, b = ends.elements[ia].astype(np.int32), ends.elements[ib].astype(np.int32)
+    exchange = transport.kernel(nodes_a, normal.take(ia, 0), nodes_b, normal.take(ib, 0))
     near = TOUCHING * (pairs.xa + pairs.xb) > 1
     out = []
     for rows in (np.flatnonzero(~near), np.flatnonzero(near)):

@@ -1,44 +1,83 @@
 """Which pairs of surfaces may see each other at all, and what can stand between them: the work of the oracle, cut into scopes.
 
 The pairs of a few small rooms, or of a part of a large one, make one scope; those of a group of clusters and all that
-it sees in other rooms make another, since much more lies between them.
+it sees in other rooms make another, since much more lies between them. A scope is treated tile by tile: some surfaces
+with some others.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from .building import Building
-from .grouping import ragged
 
 WITHIN, BETWEEN = 384, 128
 """Regions whose pairs within their rooms, and with other rooms, make one scope."""
+CELLS = 1 << 17
+"""Pairs of regions of one tile, of which those are left that may see each other."""
 
 
 @dataclass(frozen=True)
 class Scope:
-    """Pairs of regions whose clusters see each other, each pair of the building in one scope.
+    """Pairs of some clusters and all that they see: within their rooms, or in other rooms.
 
-    a, b : (n,) int32 regions
-    nearby : (c,) clusters that hold all that a segment between such a pair can meet
+    clusters : (c,) int64;  within : bool
     """
 
-    a: np.ndarray
-    b: np.ndarray
+    clusters: np.ndarray
+    within: bool
+
+
+@dataclass(frozen=True)
+class Tile:
+    """Pairs of the ``scope`` with some of what it sees, each pair of the building in one tile.
+
+    others : (d,) int64 clusters;  nearby : (n,) clusters that hold all that a segment between such a pair can meet
+    """
+
+    scope: Scope
+    others: np.ndarray
     nearby: np.ndarray
 
 
-def scope_groups(building: Building) -> list[tuple[np.ndarray, bool]]:
-    """Groups of clusters and whether their pairs within rooms are meant, in a fixed order: each makes one scope."""
-    return [(group, within) for size, within in ((WITHIN, True), (BETWEEN, False)) for group in _groups(building, size)]
+def scopes(building: Building) -> list[Scope]:
+    """All scopes in a fixed order."""
+    return [Scope(group, within) for size, within in ((WITHIN, True), (BETWEEN, False)) for group in _groups(building, size)]
 
 
-def scope_of(building: Building, group: np.ndarray, within: bool) -> Scope:
-    """The scope of a group of clusters; it may have no pairs."""
-    a, b = _pairs(building, group, within)
-    return Scope(a, b, building.surroundings(group))
+def tiles(building: Building, scope: Scope) -> Iterator[Tile]:
+    """The tiles of a scope; there may be none."""
+    nearby = building.surroundings(scope.clusters)
+    others = nearby[_meets(building, scope, nearby).any(0)]
+    number = np.diff(building.clusters.start)
+    size = np.cumsum(number[others]) * number[scope.clusters].sum() // CELLS
+    for part in np.split(others, np.flatnonzero(np.diff(size)) + 1) if len(others) else []:
+        yield Tile(scope, part, nearby)
+
+
+def pairs_of(building: Building, tile: Tile) -> tuple[np.ndarray, np.ndarray]:
+    """Regions a and b (n,) int32 of the pairs of a tile: their clusters see each other.
+
+    A pair is left out where all of the cluster of one lies behind the other.
+    """
+    own, others, clusters, centre = tile.scope.clusters, tile.others, building.clusters, building.regions.centre
+    (mine, i), (theirs, j) = building.regions_of(own), building.regions_of(others)
+    found = _meets(building, tile.scope, others)[i][:, j]
+    for regions, there, column, spread in ((mine, others, j, found), (theirs, own, i, found.T)):
+        spread &= _before(building, regions, clusters.box_min[there] - centre, clusters.box_max[there] - centre)[:, column]
+    found &= (own[i][:, None] != others[j]) | (mine[:, None] < theirs)
+    # All of the scope with one of the others, and then with the next: pairs that follow each other are of few surfaces.
+    column, row = np.nonzero(found.T)
+    return mine[row].astype(np.int32), theirs[column].astype(np.int32)
+
+
+def _meets(building: Building, scope: Scope, others: np.ndarray) -> np.ndarray:
+    """(c, d) bool: pairs of a cluster of the scope and one of ``others`` (d,) that belong to it, as the one of the lesser cluster."""
+    own, room = scope.clusters[:, None], building.clusters.room
+    return building.graph.sees(own, others) & (own <= others) & ((room[own] == room[others]) == scope.within)
 
 
 def _groups(building: Building, size: int) -> list[np.ndarray]:
@@ -60,34 +99,6 @@ def _groups(building: Building, size: int) -> list[np.ndarray]:
             waiting.append(order[rows])
             total += number
     return groups + ([np.concatenate(waiting)] if waiting else [])
-
-
-def _pairs(building: Building, group: np.ndarray, within: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of regions, the first in ``group``, whose clusters see each other, in one room or in different ones.
-
-    Every pair comes once in all groups: where its lesser cluster is in the group. A pair is left out where all of one cluster lies
-    behind the region of the other.
-    """
-    regions, clusters = building.regions, building.clusters
-    room, start = clusters.room, clusters.start
-    low, high = clusters.box_min - regions.centre, clusters.box_max - regions.centre
-    own, other = [], []
-    for cluster in group:
-        near = building.graph.neighbours(int(cluster))
-        near = near[(near > cluster) & ((room[near] == room[cluster]) == within)]
-        mine = clusters.members[start[cluster] : start[cluster + 1]]
-        members, owner = ragged(start[near], np.diff(start)[near])
-        theirs = clusters.members[members]
-        facing = np.flatnonzero(_before(building, theirs, low[[cluster]], high[[cluster]])[:, 0])
-        # All of the cluster with some of the others, and then with some more: pairs that follow each other are of few surfaces.
-        k, i = np.nonzero(_before(building, mine, low[near], high[near]).T[owner[facing]])
-        own.append(mine[i])
-        other.append(theirs[facing[k]])
-        if within:
-            i, j = np.triu_indices(len(mine), 1)
-            own.append(mine[i])
-            other.append(mine[j])
-    return np.concatenate(own).astype(np.int32), np.concatenate(other).astype(np.int32)
 
 
 def _before(building: Building, regions: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:

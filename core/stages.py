@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from . import clustering, escape, footprints, illumination, occlusion, ordering, refinement, regions, visibility_graph
+from . import clustering, escape, exchanges, footprints, illumination, occlusion, ordering, refinement, regions, visibility_graph
 from .building import Building, doors_of, items_of
 from .clustering import Clusters
 from .elements import Forest
@@ -172,7 +172,7 @@ def link(building: Building, lit: Lit, limits: Tolerances, desk: Workspace) -> G
     forest, space, clock = lit.forest, desk.space, desk.clock
     wall = np.bincount(building.regions.room, building.regions.area, minlength=len(lit.room))
     limit = limits.exchange * lit.room.max(1) * np.sqrt(wall)
-    estimate = refinement.Estimate(*illumination.exitance_estimate(forest, lit.light, lit.room), limit[building.regions.room])
+    estimate = exchanges.Estimate(*illumination.exitance_estimate(forest, lit.light, lit.room), limit[building.regions.room])
     collector = LinkCollector(space.zeros if space.limited else None)
     steps = refinement.link(building, forest, estimate, limits.link_size, desk.crew, collector)
     made = yield from _follow(steps, 0.2, 0.7, lambda: f"Linking {len(forest):,} elements")

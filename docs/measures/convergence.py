@@ -7,10 +7,11 @@ import numpy as np
 from ...core import basis, clustering, occlusion, regions, visibility_graph
 from ...core.building import Building, doors_of, items_of
 from ...core.elements import Forest
+from ...core.exchanges import Estimate
 from ...core.links import received
 from ...core.options import Options
 from ...core.parallel import Crew
-from ...core.refinement import Estimate, link
+from ...core.refinement import link
 from .quadrature import normal_of
 from .scenes import scene_of
 from .tables import Table, met

@@ -13,7 +13,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from ...core import pipeline, refinement
+from ...core import pair_visibility, pipeline
 from ...core.building import Building
 from ...core.elements import Forest
 from ...core.links import Gains, LinkSet
@@ -86,7 +86,7 @@ class Timed:
 @contextmanager
 def segment_tests() -> Iterator[Timed]:
     """Counts and times the segment tests of solves in this block; they must run in this process (threads=1)."""
-    timed, usual = Timed(), refinement.cut_segments
+    timed, usual = Timed(), pair_visibility.cut_segments
 
     def cut_segments(blockers, pair, blocker, a, b):
         started = time.process_time()
@@ -96,5 +96,5 @@ def segment_tests() -> Iterator[Timed]:
         timed.tests += len(pair) * a.shape[1] * b.shape[1]
         return cuts
 
-    with patch.object(refinement, "cut_segments", cut_segments):
+    with patch.object(pair_visibility, "cut_segments", cut_segments):
         yield timed

@@ -1,7 +1,7 @@
 """Small scenes for the tests of the numerical core, and the first stages of a solve on them."""
 
 import numpy as np
-from enfilade.core import clustering, footprints, links, occlusion, refinement, regions, visibility_graph
+from enfilade.core import clustering, exchanges, footprints, links, occlusion, refinement, regions, visibility_graph
 from enfilade.core.building import Building, doors_of, items_of
 from enfilade.core.elements import Forest
 from enfilade.core.lamps import Lamps
@@ -119,7 +119,7 @@ def linked(building, order=2, exchange=1e-3, min_size=0.01, workers=1, split=0):
     count = len(forest)
     wall = float(building.regions.area.sum())
     tolerance = np.full(len(building.regions), exchange * np.sqrt(wall))
-    estimate = refinement.Estimate(np.ones(count), np.zeros(count), tolerance)
+    estimate = exchanges.Estimate(np.ones(count), np.zeros(count), tolerance)
     *_, linking = refinement.link(building, forest, estimate, min_size, crew(workers))
     return forest, linking
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from enfilade.core import links
+from enfilade.core import links, pair_visibility, refinement
 from enfilade.core.elements import Forest
 from enfilade.core.links import LIMIT, LinkCollector, LinkSet, blocks, closing_gains, directions, joined, received
 from enfilade.core.transport import lambert
@@ -213,6 +213,53 @@ def test_clusters_do_not_change_what_is_linked():
     # Of two elements alike the one of the lesser cluster is split, so that trees differ, but light by less than the tolerance.
     np.testing.assert_allclose(found[1], found[0], atol=2e-3)
     np.testing.assert_allclose(found[2], found[0], atol=2e-3)
+
+
+def crowded_room():
+    """A room with thirty crates of all sizes, and a screen across half of it."""
+    rng = np.random.default_rng(4)
+    faces, owner = [*box(high=(6, 5, 3))], [0] * 6
+    for k in range(30):
+        turn = rotation(k)
+        size, place = rng.uniform(0.1, 0.7, 3), rng.uniform([0.5, 0.5, 0.6], [5.3, 4.3, 2.2])
+        faces += [place + f @ turn.T for f in box(high=size, inward=False)]
+        owner += [1 + k] * 6
+    faces += box((2.9, 0.3, 0), (3.0, 3.5, 2.6), inward=False, leave_out="z-")
+    return building_of(scene_of(faces, object=owner + [31] * 5), average=12)
+
+
+def in_order(linking):
+    """Every link as (a, b) with its exchange, sorted by both."""
+    found = {(int(a), int(b)): x for s in linking.links for a, b, x in zip(s.a, s.b, s.exchange, strict=True)}
+    return [(pair, found[pair]) for pair in sorted(found)]
+
+
+@pytest.mark.parametrize("largest", [(12, 13), (3, 40), (150, 151)])
+def test_which_blockers_are_asked_first_changes_no_link(monkeypatch, largest):
+    building = crowded_room()
+    before = linked(building, 2, 4e-3, min_size=0.2)
+    monkeypatch.setattr(pair_visibility, "MANY", 0)
+    monkeypatch.setattr(pair_visibility, "LARGEST", largest)
+    after = linked(building, 2, 4e-3, min_size=0.2)
+    assert len(before[0]) == len(after[0]) > 400
+    assert after[1].segment_tests < before[1].segment_tests
+    for (pair, one), (same, other) in zip(in_order(before[1]), in_order(after[1]), strict=True):
+        assert pair == same
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("pairs", [50, 1000])
+def test_sifting_the_first_pairs_changes_no_link(monkeypatch, pairs):
+    building = crowded_room()
+    before = linked(building, 2, 2e-2, min_size=0.2)
+    assert before[1].dropped > 0
+    monkeypatch.setattr(refinement, "BLOCK_PAIRS", pairs)
+    after = linked(building, 2, 2e-2, min_size=0.2)
+    assert len(before[0]) == len(after[0])
+    assert after[1].dropped == pytest.approx(before[1].dropped, rel=1e-9)
+    for (pair, one), (same, other) in zip(in_order(before[1]), in_order(after[1]), strict=True):
+        assert pair == same
+        np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-9)
 
 
 # ---------------------------------------------------------------------------------------------- hard pairs

@@ -29,8 +29,10 @@ def row_of_rooms(count=4, leave=(0.4, 0.6)):
     return scene_of(polygons, room=room, portals=portals_of(doors, [(k - 1, k) for k in range(1, count)]))
 
 
-def scopes_of(building):
-    return [sightlines.scope_of(building, *group) for group in sightlines.scope_groups(building)]
+def tiles_of(building):
+    """Every tile with its pairs."""
+    tiles = (tile for scope in sightlines.scopes(building) for tile in sightlines.tiles(building, scope))
+    return [(tile, *sightlines.pairs_of(building, tile)) for tile in tiles]
 
 
 def some_before(building):
@@ -42,17 +44,19 @@ def some_before(building):
     return np.stack([(height[:, of == k] > 1e-4).any(1) for k in range(len(clusters))], 1)
 
 
+@pytest.mark.parametrize("cells", [1, 50, 1 << 17])
 @pytest.mark.parametrize("size", [1, 7, 1000])
 @pytest.mark.parametrize("average", [1, 4])
-def test_every_pair_that_the_graph_allows_comes_once_but_those_behind_a_cluster(monkeypatch, size, average):
+def test_every_pair_that_the_graph_allows_comes_once_but_those_behind_a_cluster(monkeypatch, cells, size, average):
+    monkeypatch.setattr(sightlines, "CELLS", cells)
     monkeypatch.setattr(sightlines, "WITHIN", size)
     monkeypatch.setattr(sightlines, "BETWEEN", size)
     building = building_of(row_of_rooms(), average=average)
-    found = np.concatenate([np.sort(np.stack([s.a, s.b], 1), 1) for s in scopes_of(building)])
+    found = np.concatenate([np.sort(np.stack([a, b], 1), 1) for _, a, b in tiles_of(building)])
     cluster = building.clusters.cluster_of
     i, j = np.triu_indices(len(building.regions), 1)
     before = some_before(building)
-    mutual = (cluster[i] == cluster[j]) | (before[i, cluster[j]] & before[j, cluster[i]])
+    mutual = before[i, cluster[j]] & before[j, cluster[i]]
     expected = np.stack([i, j], 1)[building.graph.sees(cluster[i], cluster[j]) & mutual]
     assert len(np.unique(found, axis=0)) == len(found)
     assert {tuple(p) for p in found.tolist()} == {tuple(p) for p in expected.tolist()}
@@ -72,8 +76,8 @@ def test_every_pair_that_faces_each_other_comes_once(seed):
     corners, normals = np.asarray(polygons, float)[order], regions.normal
     assert len(corners) == len(regions)
     found = []
-    for scope in scopes_of(building):
-        found += [tuple(sorted(pair)) for pair in zip(scope.a.tolist(), scope.b.tolist(), strict=True)]
+    for _, a, b in tiles_of(building):
+        found += [tuple(sorted(pair)) for pair in zip(a.tolist(), b.tolist(), strict=True)]
     assert len(found) == len(set(found))
     ahead = np.einsum("ik,jck->ijc", normals, corners).max(2) - np.einsum("ik,ik->i", normals, corners[:, 0])[:, None] > 1e-3
     i, j = np.nonzero(np.triu(ahead & ahead.T, 1))
@@ -82,15 +86,15 @@ def test_every_pair_that_faces_each_other_comes_once(seed):
     assert len(found) < 0.8 * len(regions) * (len(regions) - 1) / 2
 
 
-def test_scopes_hold_all_blockers_between_their_pairs():
+def test_tiles_hold_all_blockers_between_their_pairs():
     building = building_of(row_of_rooms(), average=4)
     regions = building.regions
-    for scope in scopes_of(building):
-        ends = np.unique(np.concatenate([scope.a, scope.b]))
+    for tile, a, b in tiles_of(building):
+        ends = np.unique(np.concatenate([a, b]))
         low, high = regions.box_min[ends].min(0), regions.box_max[ends].max(0)
         rooms = np.unique(regions.room[ends])
         inside = (regions.box_min <= high).all(1) & (regions.box_max >= low).all(1) & np.isin(regions.room, rooms)
-        assert set(np.flatnonzero(inside).tolist()) <= set(building.blockers_between(scope.nearby, low, high).region.tolist())
+        assert set(np.flatnonzero(inside).tolist()) <= set(building.blockers_between(tile.nearby, low, high).region.tolist())
 
 
 def test_what_lies_beside_the_doors_is_closed_and_what_lies_behind_them_is_open():
