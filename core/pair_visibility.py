@@ -79,7 +79,12 @@ def look(forest: Forest, ends: Ends, pairs: Pairs, views: list[View], blockers: 
     limit : (n,) of the pairs, as of :meth:`View.ask`
     """
     points, tests = _points(forest, ends), 0
-    for some in _by_size(blockers):
+    for lot in _by_size(blockers):
+        asked = [view.asked for view in views]
+        if not sum(map(len, asked)):
+            break
+        used = np.unique(np.concatenate([i[rows] for rows in asked for i in (pairs.ia, pairs.ib)]))
+        some = lot.within(*ends.bodies.take(used).box())
         index = ShaftIndex(some)
         wide = _Sought(index, ends.bodies, pairs, [view.asked for view in views if not view.ray])
         for view in views:

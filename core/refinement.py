@@ -152,15 +152,14 @@ def _children(forest: Forest, outcome: _Outcome) -> tuple[np.ndarray, np.ndarray
 
 def _treat_roots(building: Building, forest: Forest, estimate: Estimate, min_size: float, tile: Tile) -> _Outcome:
     """The pairs of root elements of a tile. In rooms of many surfaces few of them matter: those are sought first, and treated together."""
-    block, dropped = _Block(tile.nearby, *pairs_of(building, tile)), 0.0
-    if len(block.a) > BLOCK_PAIRS:
-        kept = []
-        for part in block.parts():
+    none = np.zeros(0, np.int32)
+    kept, dropped = [(none, none)], 0.0
+    for a, b in pairs_of(building, tile):
+        for part in _Block(tile.nearby, a, b).parts():
             ends, worth, out = weigh(building, forest, estimate, part.a, part.b)
             kept.append((ends.elements[worth.ia], ends.elements[worth.ib]))
             dropped += out
-        block = _Block(tile.nearby, *(np.concatenate(side) for side in zip(*kept, strict=True)))
-    none = np.zeros(0, np.int32)
+    block = _Block(tile.nearby, *(np.concatenate(side) for side in zip(*kept, strict=True)))
     done = [_Outcome([], (none, none), (none, none), dropped, 0)]
     done += [_treat(building, forest, estimate, min_size, part) for part in block.parts()]
     links = [links for outcome in done for links in outcome.links]

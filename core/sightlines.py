@@ -17,7 +17,9 @@ from .building import Building
 WITHIN, BETWEEN = 384, 128
 """Regions whose pairs within their rooms, and with other rooms, make one scope."""
 CELLS = 1 << 17
-"""Pairs of regions of one tile, of which those are left that may see each other."""
+"""Pairs of regions that are looked at at once."""
+MOST = 8
+"""A scope of more than ``CELLS`` pairs makes at most so many tiles of more: in large rooms few pairs matter."""
 
 
 @dataclass(frozen=True)
@@ -52,26 +54,38 @@ def tiles(building: Building, scope: Scope) -> Iterator[Tile]:
     """The tiles of a scope; there may be none."""
     nearby = building.surroundings(scope.clusters)
     others = nearby[_meets(building, scope, nearby).any(0)]
-    number = np.diff(building.clusters.start)
-    size = np.cumsum(number[others]) * number[scope.clusters].sum() // CELLS
-    for part in np.split(others, np.flatnonzero(np.diff(size)) + 1) if len(others) else []:
+    cells = _regions(building, scope.clusters) * _regions(building, others)
+    for part in _parts(building, scope, others, max(CELLS, cells // MOST)):
         yield Tile(scope, part, nearby)
 
 
-def pairs_of(building: Building, tile: Tile) -> tuple[np.ndarray, np.ndarray]:
-    """Regions a and b (n,) int32 of the pairs of a tile: their clusters see each other.
+def pairs_of(building: Building, tile: Tile) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Regions a and b (n,) int32 of the pairs of a tile, some at a time: their clusters see each other.
 
     A pair is left out where all of the cluster of one lies behind the other.
     """
-    own, others, clusters, centre = tile.scope.clusters, tile.others, building.clusters, building.regions.centre
-    (mine, i), (theirs, j) = building.regions_of(own), building.regions_of(others)
-    found = _meets(building, tile.scope, others)[i][:, j]
-    for regions, there, column, spread in ((mine, others, j, found), (theirs, own, i, found.T)):
-        spread &= _before(building, regions, clusters.box_min[there] - centre, clusters.box_max[there] - centre)[:, column]
-    found &= (own[i][:, None] != others[j]) | (mine[:, None] < theirs)
-    # All of the scope with one of the others, and then with the next: pairs that follow each other are of few surfaces.
-    column, row = np.nonzero(found.T)
-    return mine[row].astype(np.int32), theirs[column].astype(np.int32)
+    own, clusters, centre = tile.scope.clusters, building.clusters, building.regions.centre
+    mine, i = building.regions_of(own)
+    for others in _parts(building, tile.scope, tile.others, CELLS):
+        theirs, j = building.regions_of(others)
+        found = _meets(building, tile.scope, others)[i][:, j]
+        for regions, there, column, cells in ((mine, others, j, found), (theirs, own, i, found.T)):
+            cells &= _before(building, regions, clusters.box_min[there] - centre, clusters.box_max[there] - centre)[:, column]
+        found &= (own[i][:, None] != others[j]) | (mine[:, None] < theirs)
+        # All of the scope with one of the others, and then with the next: pairs that follow each other are of few surfaces.
+        column, row = np.nonzero(found.T)
+        yield mine[row].astype(np.int32), theirs[column].astype(np.int32)
+
+
+def _parts(building: Building, scope: Scope, others: np.ndarray, cells: int) -> list[np.ndarray]:
+    """Clusters ``others`` cut into parts whose regions make about so many pairs with those of the scope."""
+    size = np.cumsum(np.diff(building.clusters.start)[others]) * _regions(building, scope.clusters) // cells
+    return np.split(others, np.flatnonzero(np.diff(size)) + 1) if len(others) else []
+
+
+def _regions(building: Building, clusters: np.ndarray) -> int:
+    """How many regions clusters have."""
+    return int(np.diff(building.clusters.start)[clusters].sum())
 
 
 def _meets(building: Building, scope: Scope, others: np.ndarray) -> np.ndarray:

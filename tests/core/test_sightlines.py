@@ -32,7 +32,7 @@ def row_of_rooms(count=4, leave=(0.4, 0.6)):
 def tiles_of(building):
     """Every tile with its pairs."""
     tiles = (tile for scope in sightlines.scopes(building) for tile in sightlines.tiles(building, scope))
-    return [(tile, *sightlines.pairs_of(building, tile)) for tile in tiles]
+    return [(tile, a, b) for tile in tiles for a, b in sightlines.pairs_of(building, tile)]
 
 
 def some_before(building):
