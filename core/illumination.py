@@ -8,9 +8,10 @@ import numpy as np
 
 from . import basis
 from .building import Building
-from .direct import direct_light
+from .direct import DirectLight, direct_light
 from .elements import Forest
 from .emitters import emitters_of
+from .grouping import GrowingArray
 from .light_kinds import Kind
 from .links import Allocate
 from .parallel import Crew
@@ -44,41 +45,69 @@ def illuminate(
     Yields the share of the work done, at last (coefficients (E, m, 3) float32 W/m2 of every element with its ancestors' part,
     room irradiance (R, 3) float64 W/m2 as estimated by :func:`room_irradiance`, pairs of lamp and blocker weighed).
     """
-    own = np.zeros((len(forest), forest.functions, 3), np.float32)
-    fresh, tests, room = np.arange(len(forest)), 0, None
-    rounds = 0
+    own = GrowingArray((forest.functions, 3), np.float32)
+    own.allocate = allocate
+    fresh, tests, room, rounds = np.arange(len(forest)), 0, None, 0
     while len(fresh):
-        nodes = forest.nodes_of(fresh).reshape(-1, 3)
-        region = np.repeat(forest.region[fresh], forest.node_count)
-        light, doubt, veil = np.zeros((len(nodes), 3), np.float32), np.zeros(len(nodes), np.float32), np.full(len(nodes), -1)
-        done = 0
-        for part in direct_light(building, kinds, nodes, region, crew):
-            light[part.index], doubt[part.index], veil[part.index] = part.irradiance, part.doubt, part.veil
-            tests += part.tests
-            done += len(part.index)
-            yield 1 - 0.5 ** (rounds + done / len(nodes))
+        error = np.zeros(len(fresh))
+        for low in range(0, len(fresh), _BLOCK):
+            some = fresh[low : low + _BLOCK]
+            lit = _Lit(forest, some)
+            for part in direct_light(building, kinds, lit.nodes, lit.region, crew):
+                tests += part.tests
+                yield 1 - 0.5 ** (rounds + (low + lit.take(part) / forest.node_count) / len(fresh))
+            found = forest.from_nodes(some, lit.light)
+            error[low : low + _BLOCK] = lit.error(_foreseen(forest, some, found, own.view()))
+            own.extend(found)
         rounds += 1
-        found = forest.from_nodes(fresh, light.reshape(-1, forest.node_count, 3))
-        own[fresh] = found
         if room is None:
-            room = room_irradiance(building, forest.mean(fresh, found))
+            room = room_irradiance(building, forest.mean(fresh, own.view()))
             wall = np.bincount(building.regions.room, building.regions.area, minlength=len(room))
             limit = (tolerance * room.max(1) * np.sqrt(wall))[building.regions.room]
-            # A root has no parent to foresee it: all that is not constant in it counts as unforeseen, and part of the
-            # constant, since a lamp above the middle gives all nodes the same light and has its peak between them.
-            foreseen = (1 - UNFORESEEN) * forest.mean(fresh, found)[:, None]
-        else:
-            filters = basis.two_scale(forest.order).astype(np.float32)[forest.slot[fresh]]
-            foreseen = forest.at_nodes(fresh, np.matmul(filters.transpose(0, 2, 1), own[forest.parent[fresh]]))
-        surprise = light.reshape(-1, forest.node_count, 3) - foreseen
-        error = np.sqrt((surprise.astype(np.float64) ** 2).mean(1)).max(1) * np.sqrt(forest.area_of(fresh))
-        error = np.maximum(error, UNSEEN * _hidden_light(doubt, veil, forest.node_count) * np.sqrt(forest.area_of(fresh)))
         parents = fresh[(error > limit[forest.region[fresh]]) & forest.can_split(fresh, min_size)]
         before = len(forest)
         forest.split(parents)
         fresh = np.arange(before, len(forest))
-        own = np.concatenate([own, np.zeros((len(fresh), *own.shape[1:]), np.float32)])
-    yield extended(forest, own, allocate), room, tests
+    yield extended(forest, own.view(), allocate), room, tests
+
+
+class _Lit:
+    """Some elements (n,) and the light of the luminaires at their nodes, as it comes in.
+
+    nodes : (n * q, 3) float32, region : (n * q,), where it is asked for;  light : (n, q, 3) float32 W/m2
+    """
+
+    def __init__(self, forest: Forest, elements: np.ndarray):
+        self._area, count = forest.area_of(elements), forest.node_count
+        self.nodes, self.region = forest.nodes_of(elements).reshape(-1, 3), np.repeat(forest.region[elements], count)
+        self.light = np.zeros((len(elements), count, 3), np.float32)
+        self._doubt, self._veil, self._done = np.zeros((len(elements), count), np.float32), np.full((len(elements), count), -1), 0
+
+    def take(self, part: DirectLight) -> int:
+        """Keep the light of some nodes; returns of how many it is known."""
+        for mine, theirs in ((self.light, part.irradiance), (self._doubt, part.doubt), (self._veil, part.veil)):
+            mine.reshape(len(self.nodes), *mine.shape[2:])[part.index] = theirs
+        self._done += len(part.index)
+        return self._done
+
+    def error(self, foreseen: np.ndarray) -> np.ndarray:
+        """(n,) W/m: root mean square of the light that was not ``foreseen`` (n, 1 or q, 3), or what hides from the nodes, times the
+        root of the area.
+        """
+        surprise = self.light.astype(np.float64) - foreseen
+        rms = np.sqrt((surprise**2).mean(1)).max(1)
+        return np.maximum(rms, UNSEEN * _hidden_light(self._doubt, self._veil)) * np.sqrt(self._area)
+
+
+def _foreseen(forest: Forest, elements: np.ndarray, found: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """(n, 1 or q, 3) the light that is expected at the nodes of elements whose own is ``found``, from that ``known`` of their parents."""
+    parent = forest.parent[elements]
+    if parent[0] < 0:
+        # A root has no parent to foresee it: all that is not constant in it counts as unforeseen, and part of the
+        # constant, since a lamp above the middle gives all nodes the same light and has its peak between them.
+        return (1 - UNFORESEEN) * forest.mean(elements, found)[:, None]
+    filters = basis.two_scale(forest.order).astype(np.float32).take(forest.slot[elements], 0)
+    return forest.at_nodes(elements, np.matmul(filters.transpose(0, 2, 1), known.take(parent, 0)))
 
 
 def light_on(
@@ -90,20 +119,18 @@ def light_on(
     the coefficients (E, m, 3) float32 W/m2.
     """
     leaf = np.flatnonzero(_leaves_among(forest, lit))
-    nodes, region = forest.nodes_of(leaf).reshape(-1, 3), np.repeat(forest.region[leaf], forest.node_count)
-    light, done = np.zeros((len(nodes), 3), np.float32), 0
-    for part in direct_light(building, kinds, nodes, region, crew):
-        light[part.index] = part.irradiance
-        done += len(part.index)
-        yield done / len(nodes)
-    own = np.zeros((lit, forest.functions, 3), np.float32)
-    own[leaf] = forest.from_nodes(leaf, light.reshape(-1, forest.node_count, 3))
+    own = allocate((lit, forest.functions, 3), np.float32)
+    for low in range(0, len(leaf), _BLOCK):
+        some = leaf[low : low + _BLOCK]
+        here = _Lit(forest, some)
+        for part in direct_light(building, kinds, here.nodes, here.region, crew):
+            yield (low + here.take(part) / forest.node_count) / len(leaf)
+        own[some] = forest.from_nodes(some, here.light)
     yield extended(forest, own, allocate)
 
 
-def _hidden_light(doubt: np.ndarray, veil: np.ndarray, nodes: int) -> np.ndarray:
-    """(n,) W/m2 of lamps that some node of an element does not see, unless one blocker hides them from all nodes."""
-    doubt, veil = doubt.reshape(-1, nodes), veil.reshape(-1, nodes)
+def _hidden_light(doubt: np.ndarray, veil: np.ndarray) -> np.ndarray:
+    """(n,) W/m2 of lamps that some node of an element does not see, unless one blocker hides them from all nodes: (n, q) of each."""
     surely = (veil[:, 0] >= 0) & (veil == veil[:, :1]).all(1)
     return np.where(surely, 0.0, doubt.max(1))
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from enfilade.core import illumination
 from enfilade.core.elements import Forest
 from enfilade.core.illumination import exitance_estimate, extended, illuminate, room_irradiance
 from enfilade.core.transport import lambert
@@ -67,6 +68,19 @@ def test_elements_are_small_where_shadows_end_and_large_elsewhere():
     assert level[part].mean() > level[~part].mean() + 0.5
     values = forest.mean(leaf, light[leaf])[:, 1]
     assert values[hidden.all(1)].max(initial=0) < 0.05 * values.max()
+
+
+@pytest.mark.parametrize("size", [1, 7, 100])
+def test_the_light_is_the_same_however_many_elements_are_worked_on_at_once(monkeypatch, size):
+    shelf = rectangle((1, 1, 1.5), (1, 0, 0), (0, 1, 0))
+    polygons, emission = lamp_in_a_room([shelf, shelf[::-1]])
+    _, forest, (light, room, _) = lit(polygons, emission, object=[0] * 6 + [1, 2, 2], tolerance=1e-2)
+    monkeypatch.setattr(illumination, "_BLOCK", size)
+    _, other, (same, rooms, _) = lit(polygons, emission, object=[0] * 6 + [1, 2, 2], tolerance=1e-2)
+    assert len(forest) > 200
+    np.testing.assert_array_equal(forest.box, other.box)
+    np.testing.assert_allclose(light, same, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(room, rooms, rtol=1e-6)
 
 
 @pytest.mark.parametrize("tolerance", [3e-2, 3e-3])
