@@ -23,22 +23,19 @@ LARGEST = (1 << 6, 1 << 9)
 class View:
     """What pairs of elements see of each other between some of their nodes, as the blockers are asked one lot after another.
 
-    rows : (n,) of the pairs;  one_a, one_b : bool, a single node stands for either side;  nodes : (n, i, 3), (n, j, 3) float32 of both
+    rows : (n,) of the pairs;  nodes : (n, i, 3), (n, j, 3) float32 of both sides, one where a single node stands for its element
+    ray : bool, each pair is one segment: its shaft is that segment, nothing else is asked, and next to nothing stands in it
     hidden : (n, i, j) bool, a blocker cuts the segment;  done : (n,) bool, no part of either element sees the other
     """
 
     def __init__(self, forest: Forest, ends: Ends, pairs: Pairs, mode: tuple[bool, bool, np.ndarray]):
-        self.one_a, self.one_b, self.rows = mode
+        one_a, one_b, self.rows = mode
+        self.ray = one_a and one_b
         self._a, self._b = (ends.elements[i[self.rows]] for i in (pairs.ia, pairs.ib))
-        self.nodes = tuple(_nodes(forest, x, one) for x, one in ((self._a, self.one_a), (self._b, self.one_b)))
+        self.nodes = tuple(_nodes(forest, x, one) for x, one in ((self._a, one_a), (self._b, one_b)))
         self.hidden = np.zeros((len(self.rows), *(x.shape[1] for x in self.nodes)), bool)
         self.done = np.zeros(len(self.rows), bool)
         self._doubtful = np.zeros(len(self.rows), bool)
-
-    @property
-    def ray(self) -> bool:
-        """Each pair is one segment: its shaft is that segment, nothing else is asked, and next to nothing stands in it."""
-        return self.one_a and self.one_b
 
     @property
     def asked(self) -> np.ndarray:
@@ -86,10 +83,10 @@ def look(forest: Forest, ends: Ends, pairs: Pairs, views: list[View], blockers: 
         used = np.unique(np.concatenate([i[rows] for rows in asked for i in (pairs.ia, pairs.ib)]))
         some = lot.within(*ends.bodies.take(used).box())
         index = ShaftIndex(some)
-        wide = _Sought(index, ends.bodies, pairs, [view.asked for view in views if not view.ray])
-        for view in views:
-            sought = _Sought(index, points, pairs, [view.asked]) if view.ray else wide
-            tests += view.ask(forest, some, *sought.candidates(pairs.take(view.asked)), limit[view.rows])
+        wide = _Sought(index, ends.bodies, pairs, [rows for view, rows in zip(views, asked, strict=True) if not view.ray])
+        for view, rows in zip(views, asked, strict=True):
+            sought = _Sought(index, points, pairs, [rows]) if view.ray else wide
+            tests += view.ask(forest, some, *sought.candidates(pairs.take(rows)), limit[view.rows])
     return tests
 
 

@@ -123,7 +123,7 @@ def test_the_light_of_a_contour_is_that_of_its_parts(seed):
 def test_a_frame_shines_as_its_outside_less_its_hole():
     points, normals = np.array([[0.2, 0.1, 0.7], [2.0, 0, 0.3]]), np.array([[0, 0, -1.0], [-0.8, 0, -0.6]])
     outer, inner = square(-1, -1, 2.0), square(-0.5, -0.5, 1.0)
-    parts = [np.array(q, float) for q in ([[-1, -1], [1, -1], [0.5, -0.5], [-0.5, -0.5]],)]
+    parts = [np.array([[-1, -1], [1, -1], [0.5, -0.5], [-0.5, -0.5]])]
     quarter = np.array([[0, -1], [1, 0]])
     for _ in range(3):
         parts.append(parts[-1] @ quarter)

@@ -79,7 +79,7 @@ def test_the_light_is_the_same_however_many_elements_are_worked_on_at_once(monke
     _, other, (same, rooms, _) = lit(polygons, emission, object=[0] * 6 + [1, 2, 2], tolerance=1e-2)
     assert len(forest) > 200
     np.testing.assert_array_equal(forest.box, other.box)
-    np.testing.assert_allclose(light, same, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(light, same, rtol=1e-5, atol=1e-5)
     np.testing.assert_allclose(room, rooms, rtol=1e-6)
 
 
